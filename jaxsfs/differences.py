@@ -1,0 +1,40 @@
+"""Differences of image fields that never read an invalid pixel."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+
+def masked_gradient(
+    field: Float[Array, "height width"], valid: Bool[Array, "height width"]
+) -> tuple[Float[Array, "height width 2"], Bool[Array, "height width"]]:
+    """(∂u, ∂v) of `field` per px, and where both exist.
+
+    Central where both neighbours are valid; next to the border a one-sided difference, of second order where two
+    neighbours in a row are valid.
+    """
+    du, ok_u = _derivative(field, valid, axis=1)
+    dv, ok_v = _derivative(field, valid, axis=0)
+    return jnp.stack([du, dv], axis=-1), valid & ok_u & ok_v
+
+
+def shifted(field: Array, step: int, axis: int, fill) -> Array:
+    """field[i + step] along `axis`; `fill` beyond the image."""
+    size = field.shape[axis]
+    if abs(step) >= size:
+        return jnp.full_like(field, fill)
+    pad = [(0, 0)] * field.ndim
+    pad[axis] = (max(-step, 0), max(step, 0))
+    padded = jnp.pad(field, pad, constant_values=fill)
+    start = max(step, 0)
+    return jnp.take(padded, jnp.arange(start, start + size), axis=axis)
+
+
+def _derivative(field, valid, axis):
+    safe = jnp.where(valid, field, 0)
+    value = {step: shifted(safe, step, axis, 0) for step in (-2, -1, 1, 2)}
+    ok = {step: shifted(valid, step, axis, False) for step in (-2, -1, 1, 2)}
+    central = 0.5 * (value[1] - value[-1])
+    ahead = jnp.where(ok[2], -1.5 * safe + 2 * value[1] - 0.5 * value[2], value[1] - safe)
+    behind = jnp.where(ok[-2], 1.5 * safe - 2 * value[-1] + 0.5 * value[-2], safe - value[-1])
+    derivative = jnp.where(ok[1] & ok[-1], central, jnp.where(ok[1], ahead, behind))
+    return derivative, valid & (ok[1] | ok[-1])

@@ -1,0 +1,57 @@
+"""Surface: a range at every pixel of a camera."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsfs.camera import AbstractCamera, AbstractCentralCamera
+from jaxsfs.differences import masked_gradient
+
+
+class Surface(eqx.Module):
+    """r(u, v)·d(u, v): the surface that a camera sees, as `range` along each pixel's ray.
+
+    `range` is in scene units (mm once the scale is known), NaN nowhere: read it where `valid`. For an orthographic
+    camera it is z.
+    """
+
+    camera: AbstractCamera
+    range: Float[Array, "height width"]
+    valid: Bool[Array, "height width"]
+
+    def points(self) -> Float[Array, "height width 3"]:
+        """Points in the camera frame (x right, y down, z forward), eq. (13); meaningless where not valid."""
+        pixels = self.camera.pixels(self.range.dtype)
+        return jax.vmap(jax.vmap(self.camera.point))(pixels, self.range)
+
+    def depth(self) -> Float[Array, "height width"]:
+        """z of the points (eq. 12). Not the range."""
+        return self.points()[..., 2]
+
+    def normals(self) -> tuple[Float[Array, "height width 3"], Bool[Array, "height width"]]:
+        """Unit normals towards the camera, and where they exist.
+
+        The tangents are ∂_i point + r_i ∂_r point. Only the range is differenced (as ln r for a central camera,
+        which is smoother), the camera's part is exact.
+        """
+        safe = jnp.where(self.valid, self.range, 1)
+        if isinstance(self.camera, AbstractCentralCamera):
+            slope, ok = masked_gradient(jnp.log(jnp.maximum(safe, 1e-30)), self.valid)
+            gradient = safe[..., None] * slope
+        else:
+            gradient, ok = masked_gradient(safe, self.valid)
+
+        def normal(pixel, distance, slope):
+            along_pixel, along_ray = jax.jacfwd(self.camera.point, argnums=(0, 1))(pixel, distance)
+            tangents = along_pixel + jnp.outer(along_ray, slope)
+            outward = jnp.cross(tangents[:, 0], tangents[:, 1])
+            return -outward / jnp.maximum(jnp.sqrt(jnp.sum(outward**2)), 1e-30)
+
+        pixels = self.camera.pixels(self.range.dtype)
+        return jax.vmap(jax.vmap(normal))(pixels, safe, gradient), ok
+
+    def cosines(self) -> tuple[Float[Array, "height width"], Bool[Array, "height width"]]:
+        """cos θ between normal and direction to the camera, and where it exists."""
+        normals, ok = self.normals()
+        return -jnp.sum(normals * self.camera.rays(self.range.dtype), axis=-1), ok

@@ -1,0 +1,26 @@
+"""Strict surroundings for every test: 64 bit at hand, no silent rank or dtype promotion, annotations checked."""
+
+import os
+from pathlib import Path
+
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+
+from jaxtyping import install_import_hook
+
+_hook = install_import_hook(["jaxsfs", "data_synth"], "beartype.beartype")
+
+import jax
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """The folder of real images beside the project; tests that want it skip where it is absent."""
+    folder = Path(os.environ.get("JAXSFS_DATA", Path(__file__).parents[1] / "../shared/data")).resolve()
+    if not folder.is_dir():
+        pytest.skip(f"no real images at {folder}; set JAXSFS_DATA to their folder")
+    return folder
