@@ -5,7 +5,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, Float
+
+# A parameter of a camera or a curve: a plain number, or an array when it is differentiated or traced.
+Scalar = float | int | Float[Array, ""]
 
 
 def parse_form(what: str, text: str, forms: Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]) -> Any:
@@ -27,13 +30,13 @@ def parse_form(what: str, text: str, forms: Mapping[str, tuple[Callable[..., Any
     return make(*numbers)
 
 
-def require(value: ScalarLike, condition: Callable[[Any], bool], message: str) -> None:
+def require(value: Scalar, condition: Callable[[Any], bool], message: str) -> None:
     """Checks a concrete parameter; a traced one passes (its value is not known yet)."""
     if isinstance(value, int | float) and not condition(value):
         raise ValueError(f"{message}, got {value}")
 
 
-def power(base: Float[Array, "*shape"], exponent: ScalarLike) -> Float[Array, "*shape"]:
+def power(base: Float[Array, "*shape"], exponent: Scalar) -> Float[Array, "*shape"]:
     """base^exponent, 0 for base ≤ 0, with derivative 0, not NaN, there."""
     positive = base > 0
     return jnp.where(positive, jnp.where(positive, base, 1) ** exponent, 0)

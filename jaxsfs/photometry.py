@@ -8,9 +8,9 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, Float
 
-from jaxsfs.forms import parse_form, power, require
+from jaxsfs.forms import Scalar, parse_form, power, require
 
 FloatImage = Float[Array, "*shape"]
 
@@ -40,7 +40,7 @@ class LinearResponse(AbstractResponse):
 class GammaResponse(AbstractResponse):
     """stored = linear^(1/gamma)."""
 
-    gamma: ScalarLike
+    gamma: Scalar
 
     def __check_init__(self):
         require(self.gamma, lambda g: g > 0, "a response's gamma must be positive")
@@ -80,7 +80,7 @@ class NoFalloff(AbstractFalloff):
 class CosineFalloff(AbstractFalloff):
     """V = cos^μ α, for α < 90°; 0 beyond."""
 
-    mu: ScalarLike
+    mu: Scalar
 
     def __call__(self, cos_alpha: FloatImage) -> FloatImage:
         return power(cos_alpha, self.mu)
@@ -89,7 +89,7 @@ class CosineFalloff(AbstractFalloff):
 class ExponentialFalloff(AbstractFalloff):
     """V = exp(−μ (1 − cos α)), for any α. EndoMapper's spot light: μ = 2.77."""
 
-    mu: ScalarLike
+    mu: Scalar
 
     def __call__(self, cos_alpha: FloatImage) -> FloatImage:
         return jnp.exp(-self.mu * (1 - cos_alpha))

@@ -8,9 +8,9 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, Float
 
-from jaxsfs.forms import parse_form, power, require
+from jaxsfs.forms import Scalar, parse_form, power, require
 
 FloatImage = Float[Array, "*shape"]
 
@@ -27,7 +27,7 @@ class AbstractReflectance(eqx.Module):
         """cos θ with G(cos θ) = value; clipped to [0, 1] outside G's range."""
 
     @abc.abstractmethod
-    def exponent(self) -> ScalarLike:
+    def exponent(self) -> Scalar:
         """d ln G/d ln cos θ at cos θ = 1: the a of the power cos^a that G resembles where it matters most."""
 
 
@@ -40,14 +40,14 @@ class Lambertian(AbstractReflectance):
     def inverse(self, value: FloatImage) -> FloatImage:
         return jnp.clip(value, 0, 1)
 
-    def exponent(self) -> ScalarLike:
+    def exponent(self) -> Scalar:
         return 1.0
 
 
 class Power(AbstractReflectance):
     """G = cos^a θ. Measured on colonoscope frames: a near 0.65."""
 
-    a: ScalarLike
+    a: Scalar
 
     def __check_init__(self):
         require(self.a, lambda a: a > 0, "power reflectance needs an exponent a > 0")
@@ -58,7 +58,7 @@ class Power(AbstractReflectance):
     def inverse(self, value: FloatImage) -> FloatImage:
         return power(jnp.clip(value, 0, 1), 1 / self.a)
 
-    def exponent(self) -> ScalarLike:
+    def exponent(self) -> Scalar:
         return self.a
 
 
@@ -70,7 +70,7 @@ class OrenNayar(AbstractReflectance):
     (σ > 0.622), which is refused. G(0) = b: darker values have no angle and give cos θ = 0.
     """
 
-    sigma: ScalarLike
+    sigma: Scalar
 
     def __check_init__(self):
         require(self.sigma, lambda s: 0 <= s <= 0.622, "Oren-Nayar roughness must lie in [0, 0.622] rad")
@@ -84,10 +84,10 @@ class OrenNayar(AbstractReflectance):
         excess = jnp.clip(value, b, 1) - b
         return jnp.clip(2 * excess / (1 + jnp.sqrt(jnp.maximum(1 - 4 * b * excess, 0))), 0, 1)
 
-    def exponent(self) -> ScalarLike:
+    def exponent(self) -> Scalar:
         return 1 - 2 * self._b()
 
-    def _b(self) -> ScalarLike:
+    def _b(self) -> Scalar:
         s2 = self.sigma**2
         return (0.45 * s2 / (s2 + 0.09)) / (1 - 0.5 * s2 / (s2 + 0.33))
 
@@ -96,8 +96,8 @@ class Phong(AbstractReflectance):
     """G = (1 − k) cos θ + k max(0, cos 2θ)ⁿ: Phong's lobe with the light at the eye, seen at 2θ from the mirror
     direction. k in [0, 1), n ≥ 1. Source: Phong 1975; used for endoscopes by Okatani & Deguchi 1997 as "G"."""
 
-    k: ScalarLike
-    n: ScalarLike
+    k: Scalar
+    n: Scalar
 
     def __check_init__(self):
         require(self.k, lambda k: 0 <= k < 1, "Phong's specular share k must lie in [0, 1)")
@@ -109,7 +109,7 @@ class Phong(AbstractReflectance):
     def inverse(self, value: FloatImage) -> FloatImage:
         return _inverse_by_bisection(self, value)
 
-    def exponent(self) -> ScalarLike:
+    def exponent(self) -> Scalar:
         return 1 - self.k + 4 * self.k * self.n
 
 
@@ -117,8 +117,8 @@ class BlinnPhong(AbstractReflectance):
     """G = (1 − k) cos θ + k cosⁿ θ: the half vector is the viewing direction. k in [0, 1), n ≥ 1.
     Source: Blinn 1977 with coincident directions."""
 
-    k: ScalarLike
-    n: ScalarLike
+    k: Scalar
+    n: Scalar
 
     def __check_init__(self):
         require(self.k, lambda k: 0 <= k < 1, "Blinn-Phong's specular share k must lie in [0, 1)")
@@ -130,7 +130,7 @@ class BlinnPhong(AbstractReflectance):
     def inverse(self, value: FloatImage) -> FloatImage:
         return _inverse_by_bisection(self, value)
 
-    def exponent(self) -> ScalarLike:
+    def exponent(self) -> Scalar:
         return 1 - self.k + self.k * self.n
 
 

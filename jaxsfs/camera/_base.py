@@ -9,11 +9,16 @@
 import abc
 import dataclasses
 from collections.abc import Callable
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, ScalarLike
+from jaxtyping import Array, Bool, Float
+
+from jaxsfs.forms import Scalar
+
+CameraT = TypeVar("CameraT", bound="AbstractCamera")
 
 
 class AbstractCamera(eqx.Module):
@@ -24,8 +29,8 @@ class AbstractCamera(eqx.Module):
 
     width: eqx.AbstractVar[int]
     height: eqx.AbstractVar[int]
-    cx: eqx.AbstractVar[ScalarLike]
-    cy: eqx.AbstractVar[ScalarLike]
+    cx: eqx.AbstractVar[Scalar]
+    cy: eqx.AbstractVar[Scalar]
 
     @abc.abstractmethod
     def ray(self, pixel: Float[Array, "2"]) -> Float[Array, "3"]:
@@ -57,9 +62,9 @@ class AbstractCamera(eqx.Module):
         direction = point / jnp.maximum(jnp.linalg.norm(point), 1e-30)
         return self.is_valid(pixel) & (jnp.dot(self.ray(pixel), direction) > 1 - 1e-4)
 
-    def cropped(self, left: int, top: int, width: int, height: int) -> "AbstractCamera":
+    def cropped(self: CameraT, left: int, top: int, width: int, height: int) -> CameraT:
         """The camera of the `width` × `height` px cut whose first pixel is (`left`, `top`)."""
-        moved = eqx.tree_at(lambda c: (c.cx, c.cy), self, (self.cx - left, self.cy - top))
+        moved = dataclasses.replace(self, cx=self.cx - left, cy=self.cy - top)
         return with_size(moved, width, height)
 
     def pixels(self, dtype: jnp.dtype | None = None) -> Float[Array, "height width 2"]:
@@ -104,13 +109,13 @@ def over_image(function: Callable) -> Callable:
     return jax.vmap(jax.vmap(function))
 
 
-def resized_centre(camera: AbstractCamera, width: int, height: int) -> tuple[ScalarLike, ScalarLike]:
+def resized_centre(camera: AbstractCamera, width: int, height: int) -> tuple[Scalar, Scalar]:
     """(cx, cy) after scaling: pixels are areas, so it is their borders (−½, size − ½) that map to each other."""
     sx, sy = width / camera.width, height / camera.height
     return (camera.cx + 0.5) * sx - 0.5, (camera.cy + 0.5) * sy - 0.5
 
 
-def with_size(camera: AbstractCamera, width: int, height: int) -> AbstractCamera:
+def with_size(camera: CameraT, width: int, height: int) -> CameraT:
     """The same parameters with another image size (the size is static, out of `tree_at`'s reach)."""
     if width < 1 or height < 1:
         raise ValueError(f"an image is at least 1 x 1 px, got {width} x {height}")

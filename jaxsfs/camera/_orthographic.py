@@ -4,9 +4,10 @@ import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, ScalarLike
+from jaxtyping import Array, Bool, Float
 
 from jaxsfs.camera._base import AbstractCamera, resized_centre, with_size
+from jaxsfs.forms import Scalar
 
 
 class Orthographic(AbstractCamera):
@@ -16,12 +17,12 @@ class Orthographic(AbstractCamera):
     a distant frontal light (Kimmel & Bruckstein 1995a), where g^{ij} = scale² δ and the equation is one for z.
     """
 
-    scale: ScalarLike
-    cx: ScalarLike
-    cy: ScalarLike
+    scale: Scalar
+    cx: Scalar
+    cy: Scalar
     width: int = eqx.field(static=True)
     height: int = eqx.field(static=True)
-    aspect: ScalarLike = 1.0
+    aspect: Scalar = 1.0
 
     def ray(self, pixel: Float[Array, "2"]) -> Float[Array, "3"]:
         return jnp.array([0.0, 0.0, 1.0], pixel.dtype)

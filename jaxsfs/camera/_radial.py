@@ -10,18 +10,18 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, ScalarLike
+from jaxtyping import Array, Bool, Float
 
 from jaxsfs.camera._base import AbstractCentralCamera, resized_centre, with_size
 from jaxsfs.camera._roots import monotone_root
+from jaxsfs.forms import Scalar
 
 
 class AbstractRadialCamera(AbstractCentralCamera):
     """pixel = centre + diag(fx, fy)·m(point)·(x, y)."""
 
-    @property
     @abc.abstractmethod
-    def focal(self) -> tuple[ScalarLike, ScalarLike]:
+    def focal(self) -> tuple[Scalar, Scalar]:
         """(fx, fy) in px."""
 
     @abc.abstractmethod
@@ -33,7 +33,7 @@ class AbstractRadialCamera(AbstractCentralCamera):
         """Unit ray of the normalised image point q."""
 
     @abc.abstractmethod
-    def limit(self) -> ScalarLike:
+    def limit(self) -> Scalar:
         """Largest |q| that has a ray (exclusive)."""
 
     def ray(self, pixel: Float[Array, "2"]) -> Float[Array, "3"]:
@@ -62,14 +62,14 @@ class AbstractRadialCamera(AbstractCentralCamera):
 class Perspective(AbstractRadialCamera):
     """Pinhole: q = (x, y)/z. `fx`, `fy` are focal lengths in px (z_pi of the paper)."""
 
-    fx: ScalarLike
-    fy: ScalarLike
-    cx: ScalarLike
-    cy: ScalarLike
+    fx: Scalar
+    fy: Scalar
+    cx: Scalar
+    cy: Scalar
     width: int = eqx.field(static=True)
     height: int = eqx.field(static=True)
 
-    def focal(self) -> tuple[ScalarLike, ScalarLike]:
+    def focal(self) -> tuple[Scalar, Scalar]:
         return self.fx, self.fy
 
     def magnification(self, point: Float[Array, "3"]) -> Float[Array, ""]:
@@ -78,7 +78,7 @@ class Perspective(AbstractRadialCamera):
     def unit(self, q: Float[Array, "2"]) -> Float[Array, "3"]:
         return jnp.append(q, 1.0) / jnp.sqrt(1 + jnp.sum(q * q))
 
-    def limit(self) -> ScalarLike:
+    def limit(self) -> Scalar:
         return jnp.inf
 
     def inverse_metric(self, pixel: Float[Array, "2"]) -> Float[Array, "2 2"]:
@@ -93,14 +93,14 @@ class Perspective(AbstractRadialCamera):
 class _SingleFocal(AbstractRadialCamera):
     """One focal length `f` in px and the pixel aspect fy/fx."""
 
-    f: ScalarLike
-    cx: ScalarLike
-    cy: ScalarLike
+    f: Scalar
+    cx: Scalar
+    cy: Scalar
     width: int = eqx.field(static=True)
     height: int = eqx.field(static=True)
-    aspect: ScalarLike = 1.0
+    aspect: Scalar = 1.0
 
-    def focal(self) -> tuple[ScalarLike, ScalarLike]:
+    def focal(self) -> tuple[Scalar, Scalar]:
         return self.f, self.f * self.aspect
 
     def resized(self, width: int, height: int) -> "_SingleFocal":
@@ -116,7 +116,7 @@ class Spherical(_SingleFocal):
     k < −1/3 the profile turns back before that and the field ends there.
     """
 
-    k: ScalarLike = 0.0
+    k: Scalar = 0.0
 
     def magnification(self, point: Float[Array, "3"]) -> Float[Array, ""]:
         norm2 = jnp.sum(point * point)
@@ -126,7 +126,7 @@ class Spherical(_SingleFocal):
         a = 1 / (1 + self.k * self._sine2(q))
         return jnp.append(a * q, jnp.sqrt(jnp.maximum(1 - a * a * jnp.sum(q * q), 1e-12)))
 
-    def limit(self) -> ScalarLike:
+    def limit(self) -> Scalar:
         k = jnp.asarray(self.k, float)
         s = jnp.where(k < -1 / 3, jnp.sqrt(-1 / jnp.minimum(3 * k, -1)), 1.0)
         return s + k * s**3
@@ -157,7 +157,7 @@ class Equidistant(_SingleFocal):
     def unit(self, q: Float[Array, "2"]) -> Float[Array, "3"]:
         return ray_at_angle(q, lambda radius: radius)
 
-    def limit(self) -> ScalarLike:
+    def limit(self) -> Scalar:
         return jnp.pi
 
 
@@ -172,7 +172,7 @@ class Equisolid(_SingleFocal):
         half2 = jnp.sum(q * q) / 4
         return jnp.append(q * jnp.sqrt(jnp.maximum(1 - half2, 1e-12)), 1 - 2 * half2)
 
-    def limit(self) -> ScalarLike:
+    def limit(self) -> Scalar:
         return 2.0
 
 
@@ -186,22 +186,22 @@ class Stereographic(_SingleFocal):
         half2 = jnp.sum(q * q) / 4
         return jnp.append(q, 1 - half2) / (1 + half2)
 
-    def limit(self) -> ScalarLike:
+    def limit(self) -> Scalar:
         return jnp.inf
 
 
 class KannalaBrandt(AbstractRadialCamera):
     """OpenCV's fisheye model: |q| = θ + k₁θ³ + k₂θ⁵ + k₃θ⁷ + k₄θ⁹, θ = α."""
 
-    fx: ScalarLike
-    fy: ScalarLike
-    cx: ScalarLike
-    cy: ScalarLike
+    fx: Scalar
+    fy: Scalar
+    cx: Scalar
+    cy: Scalar
     width: int = eqx.field(static=True)
     height: int = eqx.field(static=True)
-    k: tuple[ScalarLike, ScalarLike, ScalarLike, ScalarLike] = (0.0, 0.0, 0.0, 0.0)
+    k: tuple[Scalar, Scalar, Scalar, Scalar] = (0.0, 0.0, 0.0, 0.0)
 
-    def focal(self) -> tuple[ScalarLike, ScalarLike]:
+    def focal(self) -> tuple[Scalar, Scalar]:
         return self.fx, self.fy
 
     def magnification(self, point: Float[Array, "3"]) -> Float[Array, ""]:
@@ -217,7 +217,7 @@ class KannalaBrandt(AbstractRadialCamera):
 
         return ray_at_angle(q, angle)
 
-    def limit(self) -> ScalarLike:
+    def limit(self) -> Scalar:
         end = self._turn()
         return end * self._series(end**2)
 

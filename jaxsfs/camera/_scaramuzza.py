@@ -5,10 +5,11 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, ScalarLike
+from jaxtyping import Array, Bool, Float
 
 from jaxsfs.camera._base import AbstractCentralCamera, resized_centre, with_size
 from jaxsfs.camera._roots import monotone_root
+from jaxsfs.forms import Scalar
 
 
 class Scaramuzza(AbstractCentralCamera):
@@ -19,14 +20,14 @@ class Scaramuzza(AbstractCentralCamera):
     belong to the rays. Source: Scaramuzza et al. 2006.
     """
 
-    a: tuple[ScalarLike, ScalarLike, ScalarLike, ScalarLike, ScalarLike]
-    cx: ScalarLike
-    cy: ScalarLike
+    a: tuple[Scalar, Scalar, Scalar, Scalar, Scalar]
+    cx: Scalar
+    cy: Scalar
     width: int = eqx.field(static=True)
     height: int = eqx.field(static=True)
-    c: ScalarLike = 1.0
-    d: ScalarLike = 0.0
-    e: ScalarLike = 0.0
+    c: Scalar = 1.0
+    d: Scalar = 0.0
+    e: Scalar = 0.0
 
     def ray(self, pixel: Float[Array, "2"]) -> Float[Array, "3"]:
         sensor = jnp.where(self.is_valid(pixel), self._sensor(pixel), 0)
