@@ -1,0 +1,93 @@
+"""What is printed on the targets: reflectance of the sheet at a target point in mm (x right, y down)."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+PAPER, INK = 1.0, 0.06
+
+
+class AbstractPattern(eqx.Module):
+    """Ink on white paper."""
+
+    @abc.abstractmethod
+    def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """Reflectance at `point`, the paper's own being 1."""
+
+
+class BlankSheet(AbstractPattern):
+    """White paper."""
+
+    def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        return jnp.full((), PAPER)
+
+
+class Rings(AbstractPattern):
+    """Concentric circles of the given radii (mm): lines of `width` (dark, or bright on a dark disc), or filled
+    bands whose edges have these radii; `dot`: radius of a centre dot, 0 for none."""
+
+    radii: tuple[float, ...]
+    width: float = 0.8
+    dot: float = 0.0
+    style: str = eqx.field(default="dark", static=True)
+
+    def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        radius = jnp.sqrt(jnp.sum(point**2))
+        edges = jnp.asarray(self.radii, float)
+        on_line = jnp.any(jnp.abs(radius - edges) < self.width / 2) | (radius < self.dot)
+        if self.style == "dark":
+            return jnp.where(on_line, INK, PAPER)
+        if self.style == "bright":
+            return jnp.where(on_line, PAPER, INK)
+        odd = (jnp.sum(radius > edges) % 2) == 1
+        return jnp.where(odd | (radius < self.dot), INK, PAPER)
+
+
+class LineGrid(AbstractPattern):
+    """Square grid of lines: `pitch`, `width`, and `cells` from the centre to each side (mm, mm, count)."""
+
+    pitch: float
+    width: float
+    cells: int = 20
+
+    def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        half = self.cells * self.pitch + self.width / 2
+        inside = jnp.all(jnp.abs(point) < half)
+        away = jnp.abs(point - self.pitch * jnp.round(point / self.pitch))
+        return jnp.where(inside & jnp.any(away < self.width / 2), INK, PAPER)
+
+
+class Checkerboard(AbstractPattern):
+    """`columns` × `rows` inner corners `pitch` mm apart, centred."""
+
+    columns: int
+    rows: int
+    pitch: float
+
+    def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        size = jnp.array([self.columns + 1, self.rows + 1], point.dtype)
+        cell = jnp.floor(point / self.pitch + size / 2)
+        inside = jnp.all((cell >= 0) & (cell < size))
+        return jnp.where(inside & (jnp.sum(cell) % 2 == 0), INK, PAPER)
+
+
+class DotGrid(AbstractPattern):
+    """`columns` × `rows` dots of `radius`, `pitch` mm apart, centred; `asymmetric` shifts every second row by half."""
+
+    columns: int
+    rows: int
+    pitch: float
+    radius: float
+    asymmetric: bool = eqx.field(default=False, static=True)
+
+    def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        pitch = jnp.array([self.pitch, self.pitch / 2 if self.asymmetric else self.pitch])
+        size = jnp.array([self.columns, self.rows], point.dtype)
+        start = (size - 1) / 2
+        row = jnp.clip(jnp.round(point[1] / pitch[1] + start[1]), 0, self.rows - 1)
+        shift = jnp.where(row % 2 == 1, 0.5, 0.0) if self.asymmetric else 0.0
+        column = jnp.clip(jnp.round(point[0] / pitch[0] + start[0] - shift), 0, self.columns - 1)
+        centre = (jnp.stack([column + shift, row]) - start) * pitch
+        return jnp.where(jnp.sum((point - centre) ** 2) < self.radius**2, INK, PAPER)
