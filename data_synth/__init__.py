@@ -1,5 +1,10 @@
 """Synthetic endoscope views with exact ground truth, rendered on demand."""
 
+from data_synth.occluding import BallInBowl as BallInBowl
+from data_synth.occluding import FoldedColon as FoldedColon
+from data_synth.occluding import PolypWall as PolypWall
+from data_synth.occluding import Vase as Vase
+from data_synth.occlusion import find_cuts as find_cuts
 from data_synth.scene import AbstractScene as AbstractScene
 from data_synth.scene import Hit as Hit
 from data_synth.smooth import Ball as Ball

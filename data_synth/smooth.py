@@ -47,13 +47,14 @@ class Ball(AbstractScene):
 class HollowBall(AbstractScene):
     """Sphere of `radius` about (x, y, z), seen from inside: r = b + √(b² − |c|² + R²), b = c·d.
 
-    The camera must be inside, off the centre for any shading at all: from the centre every ray is a normal.
+    The camera must be inside, off the centre for any shading at all: from the centre every ray is a normal. With
+    the centre behind the camera (z < 0) range grows towards the rim, with z > 0 it shrinks.
     """
 
-    radius: Scalar = 1.6
+    radius: Scalar = 2.2
     x: Scalar = 0.15
     y: Scalar = -0.1
-    z: Scalar = 0.6
+    z: Scalar = -1.0
 
     def clearance(self, point: Vector) -> Float[Array, ""]:
         return self.radius - _length(point - _vector(self, point))

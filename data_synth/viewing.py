@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from data_synth.occlusion import find_cuts
 from data_synth.scene import AbstractScene, Hit
 from jaxsfs.camera import AbstractCamera, AbstractCentralCamera
 from jaxsfs.forms import Scalar
@@ -21,6 +22,7 @@ class View(eqx.Module):
 
     `surface`: exact range; for an orthographic camera z. `normals`: unit, towards the camera. `cosines`: cos θ.
     `irradiance`: E = ρ G(cos θ)/r², or ρ G(cos θ) for an orthographic camera with a distant frontal light.
+    `cuts`: neighbours that an occlusion separates, `[v, u, 0]` to the right and `[v, u, 1]` below (see `find_cuts`).
     All are meaningful where `surface.valid`.
     """
 
@@ -29,6 +31,12 @@ class View(eqx.Module):
     normals: Float[Array, "height width 3"]
     cosines: Float[Array, "height width"]
     irradiance: Irradiance
+    cuts: Bool[Array, "height width 2"]
+
+    def discontinuities(self) -> Bool[Array, "height width"]:
+        """Pixels with a 4-neighbour on the other side of an occlusion, on both sides of it."""
+        right, below = self.cuts[..., 0], self.cuts[..., 1]
+        return right | jnp.roll(right, 1, axis=1) | below | jnp.roll(below, 1, axis=0)
 
 
 def look(scene: AbstractScene, camera: AbstractCamera) -> Hit:
@@ -36,8 +44,7 @@ def look(scene: AbstractScene, camera: AbstractCamera) -> Hit:
 
     Raises ValueError for a scene that is written in terms of rays from one centre and a camera that has none.
     """
-    if scene.central_only and not isinstance(camera, AbstractCentralCamera):
-        raise ValueError(f"{type(scene).__name__} is defined for rays from one centre, not {type(camera).__name__}'s")
+    _check(scene, camera)
     return _look(scene, camera)
 
 
@@ -54,7 +61,14 @@ def observe(
     `half_field_deg` limits the picture to the rays within that angle from the optical axis, the round field of an
     endoscope. Computed in double precision where JAX has it switched on.
     """
-    hits = look(scene, camera)
+    _check(scene, camera)
+    surface, normals, cosines, irradiance = _observe(scene, camera, reflectance, albedo, half_field_deg)
+    return View(camera, surface, normals, cosines, irradiance, find_cuts(scene, surface))
+
+
+@jax.jit
+def _observe(scene, camera, reflectance, albedo, half_field_deg):
+    hits = _look(scene, camera)
     rays = camera.rays()
     valid = hits.hit & camera.field()
     if half_field_deg is not None:
@@ -64,8 +78,13 @@ def observe(
         values = shade(hits.range, cosine, reflectance=reflectance, albedo=albedo)
     else:
         values = shade_distant(cosine, reflectance=reflectance, albedo=albedo)
-    irradiance = Irradiance(jnp.where(valid, values, 0), valid)
-    return View(camera, Surface(camera, hits.range, valid), hits.normal, cosine, irradiance)
+    surface = Surface(camera, hits.range, valid)
+    return surface, hits.normal, cosine, Irradiance(jnp.where(valid, values, 0), valid)
+
+
+def _check(scene: AbstractScene, camera: AbstractCamera) -> None:
+    if scene.central_only and not isinstance(camera, AbstractCentralCamera):
+        raise ValueError(f"{type(scene).__name__} is defined for rays from one centre, not {type(camera).__name__}'s")
 
 
 @jax.jit
@@ -74,5 +93,7 @@ def _look(scene: AbstractScene, camera: AbstractCamera) -> Hit:
     # parallel rays start on the plane z = 0, so that their range is z; the rays of a central camera at the origin
     start = jnp.zeros(pixels.shape[:2], pixels.dtype)
     origins = jax.vmap(jax.vmap(camera.point))(pixels, start)
-    # row by row: a traced row ends when its own rays have arrived, and it fits the cache
-    return jax.lax.map(lambda row: scene.intersect(*row), (camera.rays(), origins))
+    # few rays in lockstep: a batch takes as many steps as its slowest ray
+    flat = (camera.rays().reshape(-1, 3), origins.reshape(-1, 3))
+    hits = jax.lax.map(lambda ray: scene.intersect(*ray), flat, batch_size=64)
+    return jax.tree.map(lambda leaf: leaf.reshape(origins.shape[:2] + leaf.shape[1:]), hits)

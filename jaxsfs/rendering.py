@@ -3,6 +3,7 @@
 Everything here is elementwise or a difference of neighbours: `jax.jit`, `jax.vmap` and `jax.grad` pass through.
 """
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -42,6 +43,7 @@ def shade_distant(
     return albedo * reflectance(cosine)
 
 
+@jax.jit
 def render(
     surface: Surface, *, reflectance: AbstractReflectance = _LAMBERTIAN, albedo: Scalar | FloatImage = 1.0
 ) -> Irradiance:
@@ -62,6 +64,7 @@ def render(
     return Irradiance(jnp.where(valid, values, 0), valid)
 
 
+@jax.jit
 def render_distant(
     surface: Surface, *, reflectance: AbstractReflectance = _LAMBERTIAN, albedo: Scalar | FloatImage = 1.0
 ) -> Irradiance:
@@ -74,6 +77,7 @@ def render_distant(
     return Irradiance(jnp.where(valid, values, 0), valid)
 
 
+@jax.jit
 def photograph(
     irradiance: Irradiance,
     camera: AbstractCamera,
