@@ -1,10 +1,22 @@
 """Synthetic endoscope views with exact ground truth, rendered on demand."""
 
+from data_synth.catalogue import REPORT_SEEDS as REPORT_SEEDS
+from data_synth.catalogue import SCENES as SCENES
+from data_synth.catalogue import TUNING_SEEDS as TUNING_SEEDS
+from data_synth.catalogue import default_camera as default_camera
+from data_synth.catalogue import random_scene as random_scene
+from data_synth.catalogue import scene_from_dict as scene_from_dict
+from data_synth.catalogue import scene_from_text as scene_from_text
+from data_synth.catalogue import scene_to_dict as scene_to_dict
+from data_synth.effects import Photo as Photo
+from data_synth.effects import take_photo as take_photo
 from data_synth.occluding import BallInBowl as BallInBowl
 from data_synth.occluding import FoldedColon as FoldedColon
 from data_synth.occluding import PolypWall as PolypWall
 from data_synth.occluding import Vase as Vase
 from data_synth.occlusion import find_cuts as find_cuts
+from data_synth.sample import Sample as Sample
+from data_synth.sample import render_scene as render_scene
 from data_synth.scene import AbstractScene as AbstractScene
 from data_synth.scene import Hit as Hit
 from data_synth.smooth import Ball as Ball

@@ -96,8 +96,8 @@ class FoldedColon(AbstractScene):
     """Bent tube with ring folds that hide what lies behind them, closed by a flat end at z = `length`.
 
     Around the axis (bend (1 − cos(z/2)) − x₀, −y₀), with (X, Y) from the axis and ρ its length, the wall is at
-    ρ = R (1 − depth · ridge · (¾ + ¼ (X³ − 3XY²)/R³)), ridge = exp(sharpness · (cos(2π(z − first + skew X)/spacing) − 1)):
-    three lobes, like the taeniae's.
+    ρ = R (1 − depth · ridge · (¾ + ¼ (X³ − 3XY²)/R³)), ridge = exp(sharpness · (cos(2π(z − first + skew X)/spacing)
+    − 1)): folds of three lobes, as between three taeniae.
     """
 
     occludes: ClassVar[bool] = True
