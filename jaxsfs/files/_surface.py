@@ -1,0 +1,46 @@
+"""A surface as a folder of files."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+
+from jaxsfs.files._maps import write_png, write_tiff
+from jaxsfs.files._meshes import Unit, write_mesh
+from jaxsfs.mesh import mesh_from_surface
+from jaxsfs.pictures import depth_picture, shaded_picture
+from jaxsfs.surface import Surface
+
+
+def write_surface(
+    folder: Path, surface: Surface, photo_rgb: UInt8[np.ndarray, "height width 3"] | None, unit: Unit
+) -> None:
+    """Writes what a reconstruction is, in its camera's frame (x right, y down, z forward) and in `unit`, to `folder`.
+
+    range.tiff, depth.tiff (float32, NaN where invalid), normals.tiff (unit, towards the camera, NaN where there is
+    none), mask.png (255 where valid), mesh.ply, mesh.glb (coloured by `photo_rgb`), depth.png, shaded.png.
+    `folder` exists and has none of these: the folder that `output_folder` stages.
+    """
+    valid = np.asarray(surface.valid)
+    depth = np.asarray(surface.depth())
+    normals, has_normal = (np.asarray(array) for array in surface.normals())
+    frame = "camera frame x right, y down, z forward"
+    write_tiff(
+        folder / "range.tiff",
+        np.asarray(surface.range),
+        valid,
+        description=f"range: distance from the projection centre, {unit}, NaN where invalid",
+    )
+    write_tiff(folder / "depth.tiff", depth, valid, description=f"depth: z of the {frame}, {unit}, NaN where invalid")
+    write_tiff(
+        folder / "normals.tiff",
+        normals,
+        has_normal,
+        description=f"unit normals towards the camera, {frame}, NaN where there is none",
+    )
+    write_png(folder / "mask.png", valid)
+    mesh = mesh_from_surface(surface, photo_rgb)
+    write_mesh(folder / "mesh.ply", mesh, unit)
+    write_mesh(folder / "mesh.glb", mesh, unit)
+    write_png(folder / "depth.png", depth_picture(depth, valid))
+    write_png(folder / "shaded.png", shaded_picture(surface))
