@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Num
 
 from jaxsfs.camera import AbstractCamera
+from jaxsfs.geometry import geometry
 from jaxsfs.surface import Surface
 
 Quantity = Literal["range", "depth"]
@@ -136,9 +137,15 @@ def convert_quantity(
         return values
     if camera is None:
         raise ValueError(f"to compare {wanted} where {given} is given, a camera is needed")
-    axial = np.asarray(camera.rays()[..., 2], np.float64)
-    axial = np.where(np.asarray(camera.field()) & (axial > 0), axial, np.nan)
+    rays, field = _rays_and_field(camera)
+    axial = np.asarray(rays[..., 2], np.float64)
+    axial = np.where(np.asarray(field) & (axial > 0), axial, np.nan)
     return values * axial if wanted == "depth" else values / axial
+
+
+@eqx.filter_jit
+def _rays_and_field(camera: AbstractCamera):
+    return camera.rays(), camera.field()
 
 
 def _positive(values: np.ndarray) -> np.ndarray:
@@ -174,8 +181,8 @@ def _normal_errors(
     def normals(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         distance = convert_quantity(values, quantity, "range", camera)
         known = both & _positive(distance)
-        n, ok = Surface(camera, jnp.asarray(np.where(known, distance, 1.0)), jnp.asarray(known)).normals()
-        return np.asarray(n, np.float64), np.asarray(ok)
+        space = geometry(Surface(camera, jnp.asarray(np.where(known, distance, 1.0)), jnp.asarray(known)))
+        return space.normals.astype(np.float64), space.has_normal
 
     n_p, ok_p = normals(p)
     if truth_normals is None:

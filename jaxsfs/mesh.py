@@ -4,6 +4,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, UInt8
 
+from jaxsfs.geometry import geometry
 from jaxsfs.surface import Surface
 
 # An edge below the largest grazing angle is still cut when it is this much steeper than both edges that continue it…
@@ -40,13 +41,13 @@ def mesh_from_surface(
     for name, array in (("colours", colours), ("cut", cut)):
         if array is not None and array.shape[:2] != valid.shape:
             raise ValueError(f"{name} must be {valid.shape} pixels like the surface, got {array.shape[:2]}")
-    points = np.asarray(surface.points())
+    space = geometry(surface)
+    points = space.points
     usable = valid & np.isfinite(points).all(axis=-1)
     if cut is not None:
         usable &= ~cut
     points = np.where(usable[..., None], points, 0)
-    rays = np.asarray(surface.camera.rays(surface.range.dtype))
-    faces = _faces(points, rays, usable, np.tan(np.deg2rad(max_grazing_deg)))
+    faces = _faces(points, space.rays, usable, np.tan(np.deg2rad(max_grazing_deg)))
 
     used = np.zeros(valid.size, bool)
     used[faces.ravel()] = True

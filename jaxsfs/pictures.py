@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
+from jaxsfs.geometry import geometry
 from jaxsfs.surface import Surface
 
 _NO_DATA = 96  # grey level: occurs in neither picture's important range
@@ -36,10 +37,10 @@ def shaded_picture(surface: Surface) -> UInt8[np.ndarray, "height width 3"]:
     A light at the camera would repeat the photograph; from the side, relief shows. The halved cosine keeps slopes
     that face away from the light readable.
     """
-    normals, known = (np.asarray(array) for array in surface.normals())
+    space = geometry(surface)
     light = _TO_LIGHT / np.linalg.norm(_TO_LIGHT)
-    usable = known & np.isfinite(normals).all(axis=-1)
-    cosine = np.where(usable[..., None], normals, 0) @ light
+    usable = space.has_normal & np.isfinite(space.normals).all(axis=-1)
+    cosine = np.where(usable[..., None], space.normals, 0) @ light
     linear = np.clip(0.5 + 0.5 * cosine, 0, 1) ** 2
     stored = np.round(255 * linear ** (1 / 2.2)).astype(np.uint8)
     return np.repeat(np.where(usable, stored, np.uint8(_NO_DATA))[..., None], 3, axis=-1)

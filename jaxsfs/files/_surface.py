@@ -7,6 +7,7 @@ from jaxtyping import UInt8
 
 from jaxsfs.files._maps import write_png, write_tiff
 from jaxsfs.files._meshes import Unit, write_mesh
+from jaxsfs.geometry import geometry
 from jaxsfs.mesh import mesh_from_surface
 from jaxsfs.pictures import depth_picture, shaded_picture
 from jaxsfs.surface import Surface
@@ -22,8 +23,8 @@ def write_surface(
     `folder` exists and has none of these: the folder that `output_folder` stages.
     """
     valid = np.asarray(surface.valid)
-    depth = np.asarray(surface.depth())
-    normals, has_normal = (np.asarray(array) for array in surface.normals())
+    space = geometry(surface)
+    depth = space.points[..., 2]
     frame = "camera frame x right, y down, z forward"
     write_tiff(
         folder / "range.tiff",
@@ -34,8 +35,8 @@ def write_surface(
     write_tiff(folder / "depth.tiff", depth, valid, description=f"depth: z of the {frame}, {unit}, NaN where invalid")
     write_tiff(
         folder / "normals.tiff",
-        normals,
-        has_normal,
+        space.normals,
+        space.has_normal,
         description=f"unit normals towards the camera, {frame}, NaN where there is none",
     )
     write_png(folder / "mask.png", valid)
