@@ -42,7 +42,7 @@ def random_scene(seed: int) -> AbstractScene:
     rng = np.random.default_rng(seed)
     draw = _DRAWS[rng.integers(len(_DRAWS))]
 
-    def number(low: float, high: float) -> float:
+    def number(low: Scalar, high: Scalar) -> float:
         # rounded, so that a scene's description in decimal digits is the scene
         return round(float(rng.uniform(low, high)), 4)
 

@@ -35,7 +35,7 @@ class Rings(AbstractPattern):
 
     def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         radius = jnp.sqrt(jnp.sum(point**2))
-        edges = jnp.asarray(self.radii, float)
+        edges = jnp.stack([jnp.asarray(radius, float) for radius in self.radii])
         on_line = jnp.any(jnp.abs(radius - edges) < self.width / 2) | (radius < self.dot)
         if self.style == "dark":
             return jnp.where(on_line, INK, PAPER)

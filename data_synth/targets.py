@@ -49,7 +49,9 @@ def photograph(
     `gain` in mm² (so that gain·ρ is what `calibrate white` finds); without it the exposure fixes the brightest paper.
     """
     rng = np.random.default_rng(seed)
-    linear, paper = (np.asarray(part, float) for part in _irradiance(camera, pattern, pose, studio))
+    # plain numbers would be compiled in as constants, once per photograph
+    moving = jax.tree.map(jnp.asarray, (camera, pattern, pose, studio.falloff))
+    linear, paper = (np.asarray(part, float) for part in _irradiance(*moving, studio.supersampling))
     if gain is None:
         brightest = studio.response.decode(jnp.asarray(studio.exposure, float))
         gain = float(brightest) / float(paper.max())
@@ -63,10 +65,9 @@ def photograph(
 
 @eqx.filter_jit
 def _irradiance(
-    camera: AbstractCamera, pattern: AbstractPattern, pose: PlanePose, studio: Studio
+    camera: AbstractCamera, pattern: AbstractPattern, pose: PlanePose, falloff: AbstractFalloff, count: int
 ) -> tuple[Float[Array, "height width"], Float[Array, "height width"]]:
     """Mean over the supersampled rays of V(α)·ink·(n·d)³/h², and the same of the bare paper."""
-    count = studio.supersampling
     steps = (jnp.arange(count) + 0.5) / count - 0.5
     shifts = jnp.stack(jnp.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
@@ -74,7 +75,7 @@ def _irradiance(
         ray = camera.ray(pixel)
         facing = pose.facing(ray)
         seen = camera.is_valid(pixel) & (facing > 0.02)
-        shading = jnp.where(seen, facing, 0) ** 3 / pose.height**2 * studio.falloff(jnp.maximum(ray[2], 0))
+        shading = jnp.where(seen, facing, 0) ** 3 / pose.height**2 * falloff(jnp.maximum(ray[2], 0))
         return shading * pattern.ink(pose.on_target(ray)), shading
 
     def add(total, shift):

@@ -15,6 +15,7 @@ from jaxsfs.rendering import shade, shade_distant
 from jaxsfs.surface import Surface
 
 _LAMBERTIAN = Lambertian()
+_BATCH = 64
 
 
 class View(eqx.Module):
@@ -93,7 +94,13 @@ def _look(scene: AbstractScene, camera: AbstractCamera) -> Hit:
     # parallel rays start on the plane z = 0, so that their range is z; the rays of a central camera at the origin
     start = jnp.zeros(pixels.shape[:2], pixels.dtype)
     origins = jax.vmap(jax.vmap(camera.point))(pixels, start)
-    # few rays in lockstep: a batch takes as many steps as its slowest ray
-    flat = (camera.rays().reshape(-1, 3), origins.reshape(-1, 3))
-    hits = jax.lax.map(lambda ray: scene.intersect(*ray), flat, batch_size=64)
-    return jax.tree.map(lambda leaf: leaf.reshape(origins.shape[:2] + leaf.shape[1:]), hits)
+    # few rays in lockstep: a batch takes as many steps as its slowest ray (the last batch is filled up with the
+    # first ray, so that one batch size is compiled)
+    count = origins.shape[0] * origins.shape[1]
+    order = jnp.arange(-(-count // _BATCH) * _BATCH).reshape(-1, _BATCH)
+    order = jnp.where(order < count, order, 0)
+    rays, origins = camera.rays().reshape(-1, 3), origins.reshape(-1, 3)
+    hits = jax.lax.map(lambda batch: scene.intersect(rays[batch], origins[batch]), order)
+    return jax.tree.map(
+        lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:count].reshape(*start.shape, *leaf.shape[2:]), hits
+    )
