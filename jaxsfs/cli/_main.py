@@ -1,0 +1,105 @@
+"""Which command runs, and what becomes of its errors."""
+
+import difflib
+import importlib
+import os
+import shlex
+import sys
+from collections.abc import Sequence
+
+from jaxsfs.cli._terminal import CannotRun
+
+# name → module, function, one line for `jaxsfs --help`
+COMMANDS: dict[str, tuple[str, str, str]] = {
+    "reconstruct": ("jaxsfs.cli._reconstruct", "reconstruct", "a surface from one photograph"),
+    "render": ("jaxsfs.cli._render", "render", "a synthetic endoscope view with its exact range and normals"),
+    "evaluate": ("jaxsfs.cli._evaluate", "evaluate", "errors of a range or depth map against the truth"),
+    "rectify": ("jaxsfs.cli._rectify", "rectify", "a wide-angle photograph as a perspective one"),
+}
+
+_USAGE = """usage: jaxsfs COMMAND [OPTIONS]
+
+Near-light shape from shading: a 3-D surface from one endoscope image.
+
+commands:
+{commands}
+
+  jaxsfs COMMAND --help     the options of a command, with an example
+  jaxsfs --version
+
+example:
+  jaxsfs render wavy-wall --out view
+  jaxsfs reconstruct view/image.png --camera view/camera.json --out result
+  jaxsfs evaluate result view --align none
+
+exit codes: 0 good, 2 bad input, 3 the result is not to be trusted (it is written and says why), 130 interrupted
+"""
+
+_BAD_INPUT = 2
+_INTERRUPTED = 130  # 128 + SIGINT, as shells count
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command and returns the exit code: 0 good, 2 bad input, 3 result not trustworthy, 130 interrupted.
+
+    `argv`: the words after `jaxsfs`, by default the process's. Data goes to stdout, progress and errors to stderr.
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _run(words)
+    except KeyboardInterrupt:
+        print("jaxsfs: interrupted; nothing was written", file=sys.stderr)
+        return _INTERRUPTED
+    except BrokenPipeError:  # `jaxsfs … --json | head`: whoever read has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except ValueError as error:  # files.InputError is one
+        if os.environ.get("JAXSFS_TRACEBACK"):
+            raise
+        print(f"jaxsfs: error: {_one_line(error)}", file=sys.stderr)
+        return _BAD_INPUT
+
+
+def _run(words: list[str]) -> int:
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(_usage(), file=sys.stdout if words else sys.stderr)
+        return 0 if words else _BAD_INPUT
+    if words[0] == "--version":
+        from importlib.metadata import version
+
+        print(f"jaxsfs {version('jaxsfs')}")
+        return 0
+    name = words[0]
+    if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"commands: {', '.join(COMMANDS)}"
+        raise CannotRun(f"there is no command {name!r}; {hint} (jaxsfs --help)")
+    import tyro
+
+    module, function, _ = COMMANDS[name]
+    command = getattr(importlib.import_module(module), function)
+    try:
+        outcome = tyro.cli(
+            command,
+            prog=f"jaxsfs {name}",
+            args=words[1:],
+            config=(tyro.conf.FlagCreatePairsOff,),
+            use_underscores=False,
+        )
+    except SystemExit as stop:  # tyro has printed help (0) or what is wrong with the words (2)
+        return stop.code if isinstance(stop.code, int) else _BAD_INPUT
+    return outcome if isinstance(outcome, int) else 0
+
+
+def pasteable(words: Sequence[str]) -> str:
+    """The command as a line for a shell."""
+    return shlex.join(["jaxsfs", *words])
+
+
+def _usage() -> str:
+    width = max(map(len, COMMANDS))
+    return _USAGE.format(commands="\n".join(f"  {name:<{width}}  {line}" for name, (_, _, line) in COMMANDS.items()))
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

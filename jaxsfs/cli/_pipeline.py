@@ -1,0 +1,157 @@
+"""What `jaxsfs reconstruct` does: read, turn brightness into irradiance, solve, write."""
+
+import dataclasses
+import time
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool
+
+from jaxsfs import files
+from jaxsfs.camera import CameraFile, camera_to_dict
+from jaxsfs.cli._initial import check_mask_size, parse_initial, parse_known_range, read_heights
+from jaxsfs.cli._photometric import Photometric, photometric
+from jaxsfs.cli._reconstruct import ReconstructOptions
+from jaxsfs.cli._settings import COMMAND_LINE, DEFAULT, Setting
+from jaxsfs.cli._summary import summary
+from jaxsfs.cli._terminal import command_line, progress, versions
+from jaxsfs.field import find_field
+from jaxsfs.photo import PhotoReport, clipping_limit, irradiance_of, size_message
+from jaxsfs.reconstruction import Reconstruction, scaled_to
+from jaxsfs.reconstruction import reconstruct as solve
+
+_NOT_TRUSTWORTHY = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class _Input:
+    """What was read and decided before solving."""
+
+    file: CameraFile
+    photo: files.Photo
+    valid: Bool[np.ndarray, "height width"]
+    mask: Setting
+    settings: Photometric
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in px."""
+        return self.photo.valid.shape[1], self.photo.valid.shape[0]
+
+
+def run(options: ReconstructOptions) -> int:
+    """Reconstructs as the options say, writes the folder of results, prints a summary; the exit code."""
+    start = time.perf_counter()
+    with files.output_folder(options.out, force=options.force) as folder:
+        progress(f"reading {options.image}")
+        given = _read(options)
+        progress(f"solving {given.size[0]} x {given.size[1]} px")
+        result, report = _solved(options, given)
+        progress(f"writing {options.out}")
+        files.write_surface(folder, result.surface, given.photo.rgb8(), given.settings.unit)
+        record = _record(options, given, result, report)
+        files.write_json(folder / "result.json", record)
+    if options.json:
+        print((options.out / "result.json").read_text(encoding="utf-8"), end="")
+    else:
+        print(summary(record, options.out, time.perf_counter() - start))
+    return 0 if result.status.trustworthy else _NOT_TRUSTWORTHY
+
+
+def _read(options: ReconstructOptions) -> _Input:
+    file = files.read_camera(options.camera)
+    photo = files.read_image(options.image)
+    height, width = photo.valid.shape
+    if (file.camera.width, file.camera.height) != (width, height):
+        raise files.InputError(size_message(str(options.image), (width, height), file.camera))
+    settings = photometric(options, file, photo)
+    if options.mask is None:
+        field = find_field(photo.values)
+        return _Input(file, photo, photo.valid & field.mask, Setting(field.description, "automatic"), settings)
+    mask = files.read_mask(options.mask)
+    check_mask_size(options.mask, mask.shape, (width, height))
+    words = f"{options.mask}, {mask.mean():.0%} of the image"
+    return _Input(file, photo, photo.valid & mask, Setting(words, COMMAND_LINE), settings)
+
+
+def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction, PhotoReport]:
+    settings, camera = given.settings, given.file.camera
+    irradiance, report = irradiance_of(
+        given.photo.values,
+        camera,
+        valid=given.valid,
+        response=settings.parsed("response"),
+        falloff=settings.parsed("falloff"),
+        weights=settings.parsed("channel"),
+        smooth_px=options.smooth,
+        clip_limit=clipping_limit(given.photo.dtype),
+    )
+    if options.heights is not None:
+        initial = read_heights(options.heights, given.size)
+    else:
+        initial = parse_initial(_initial(options).value, given.size)
+    result = solve(
+        irradiance,
+        camera,
+        albedo=report.largest if settings.albedo.value is None else settings.albedo.value,
+        reflectance=settings.parsed("reflectance"),
+        light=options.light,
+        solver=options.solver,
+        order=options.order,
+        initial=initial,
+        concave=options.concave,
+    )
+    if options.known_range is not None:
+        pixel, distance = parse_known_range(options.known_range, given.size)
+        result = scaled_to(result, pixel, distance)
+    return result, report
+
+
+def _initial(options: ReconstructOptions) -> Setting:
+    if options.heights is not None:
+        return Setting(f"heights:{options.heights}", COMMAND_LINE)
+    if options.initial is not None:
+        return Setting(options.initial, COMMAND_LINE)
+    return Setting("deadline" if options.light == "camera" else "singular-point", DEFAULT)
+
+
+def _record(options: ReconstructOptions, given: _Input, result: Reconstruction, report: PhotoReport) -> dict[str, Any]:
+    """result.json."""
+    settings = given.settings
+    albedo = dataclasses.replace(settings.albedo, value=float(result.albedo))
+    values = np.asarray(result.surface.range)[np.asarray(result.surface.valid)].astype(float)
+    lengths = dict(zip(("nearest", "median", "farthest"), np.percentile(values, [0, 50, 100]), strict=True))
+    settings_used = {
+        "response": settings.response,
+        "falloff": settings.falloff,
+        "reflectance": settings.reflectance,
+        "channel": settings.channel,
+        "albedo": albedo,
+        "mask": given.mask,
+        "initial": _initial(options),
+    }
+    return {
+        "image": str(options.image),
+        "size": {"width": given.size[0], "height": given.size[1]},
+        "status": {
+            "name": result.status.name.lower().replace("_", "-"),
+            "message": result.status.value,
+            "trustworthy": result.status.trustworthy,
+        },
+        "unit": settings.unit,
+        "figures": {"range": lengths, "photograph": report.as_dict(), "solution": result.statistics.as_dict()},
+        "options": {name: setting.as_dict() for name, setting in settings_used.items()}
+        | {
+            name: _given_or_default(options, name)
+            for name in ("light", "solver", "order", "smooth", "precision", "known_range", "concave")
+        },
+        "camera": camera_to_dict(given.file),
+        "versions": versions(),
+        "command": command_line.get(),
+    }
+
+
+def _given_or_default(options: ReconstructOptions, name: str) -> dict[str, Any]:
+    value = getattr(options, name)
+    default = next(field.default for field in dataclasses.fields(options) if field.name == name)
+    return Setting(value, DEFAULT if value == default else COMMAND_LINE).as_dict()

@@ -1,0 +1,34 @@
+"""A result in a few lines for the terminal."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
+    """What was found, how far it can be trusted, and where each assumption came from."""
+    options, photo, lengths = record["options"], record["figures"]["photograph"], record["figures"]["range"]
+    size, unit = record["size"], record["unit"]
+    left_out = [f"{photo[key]} {key.replace('_', ' ')}" for key in ("outside", "no_ray", "clipped", "black")]
+    rows = [
+        ("status", record["status"]["message"]),
+        (
+            "range",
+            f"{_number(lengths['nearest'])} to {_number(lengths['farthest'])} {unit}, "
+            f"median {_number(lengths['median'])}",
+        ),
+        ("pixels", f"{photo['used']} of {photo['pixels']} used ({', '.join(left_out)})"),
+        (
+            "solution",
+            ", ".join(f"{k.replace('_', ' ')} {_number(v)}" for k, v in record["figures"]["solution"].items()),
+        ),
+    ]
+    for name in ("mask", "response", "falloff", "reflectance", "channel", "albedo", "initial", "solver", "order"):
+        value, origin = options[name]["value"], options[name]["origin"]
+        rows.append((name, f"{_number(value)} ({origin})"))
+    head = f"{folder}: {size['width']} x {size['height']} px in {seconds:.1f} s"
+    return "\n".join([head, *(f"  {name:<12} {text}" for name, text in rows)])
+
+
+def _number(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
