@@ -33,4 +33,6 @@ def perspective_like(camera: AbstractCamera, half_field_deg: float | int | None 
         focal_length = camera.width / 2 / float(jnp.tan(jnp.deg2rad(1.0 * half_field_deg)))
     else:
         raise ValueError(f"half_field_deg must lie between 0 and 90 degrees, got {half_field_deg}")
-    return Perspective(focal_length, focal_length, camera.cx, camera.cy, width=camera.width, height=camera.height)
+    return Perspective(
+        fx=focal_length, fy=focal_length, cx=camera.cx, cy=camera.cy, width=camera.width, height=camera.height
+    )

@@ -1,0 +1,160 @@
+"""Level-set propagation: φ_s = F |∇φ|_g with time s = w, one jitted `lax.scan` (Osher & Sethian 1988, eqs. 4 and 6).
+
+φ > 0 behind the front. Time is s = ln t, t the range of the front (for a distant light s = z), so accuracy is even
+over the range. A pixel that no front has reached at its deadline faces the light and becomes a source itself.
+
+Only the zero level has a meaning, so the speed off the front is ours to choose. We take F at the time s − φ instead
+of s: then φ = s − w(u, v) solves the equation everywhere, its slope is that of the surface itself, and it does not
+drift away from that form. What has to be kept up (the re-initialisation of this method) is: behind the front
+φ = s − w with the recorded w; ahead of it φ is never less than what a straight path from a neighbour gives.
+"""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsfs.shading import AbstractShading
+from jaxsfs.upwind import Offset, selling_weights
+
+Image = Float[Array, "height width"]
+Mask = Bool[Array, "height width"]
+
+_CFL = 0.9
+_FAR = 100.0  # later than any arrival: what a pixel without data has
+_RING = ((1, 0), (0, 1), (1, 1), (1, -1), (-1, 0), (0, -1), (-1, -1), (-1, 1))
+
+
+class Arrival(eqx.Module):
+    """When the front reached each pixel: w, where it did, and how many steps it took until the last one."""
+
+    w: Image
+    reached: Mask
+    steps: Int[Array, ""]
+
+
+@partial(jax.jit, static_argnames=("offsets", "order", "steps"))
+def propagate(
+    shading: AbstractShading,
+    inverse_metric: Float[Array, "height width 2 2"],
+    inside: Mask,
+    known: Image,
+    start: Float[Array, ""],
+    end: Float[Array, ""],
+    *,
+    offsets: tuple[Offset, ...],
+    order: int = 2,
+    steps: int = 1000,
+) -> Arrival:
+    """Runs the front over `inside` from time `start` to `end` in at most `steps` steps of adaptive length.
+
+    `known`: w of the initial curve and what lies behind it, +inf elsewhere. Order 1: Osher & Sethian's scheme with an
+    Euler step; order 2: ENO2 differences with the two-stage SSP Runge–Kutta step. Pixels outside `inside` are left
+    out of every difference (state constraints).
+    """
+    weights, carried = selling_weights(inverse_metric, offsets)
+    inside = inside & carried
+    stencil = _Stencil(weights, inside, offsets, order)
+    crossing = jnp.sqrt(jnp.sum(weights, axis=0))
+    lengths = jnp.where(inside, _ring_lengths(inverse_metric), _FAR)
+    due = jnp.where(inside, jnp.minimum(jnp.minimum(shading.deadline(), known), end + _FAR), end + _FAR)
+
+    def step(state, n):
+        w, reached, s = state
+        waiting = inside & ~reached
+        ds = _step_length(shading.speed(w), crossing, waiting, w, s, end, n, steps)
+        # One expression is the CFL number and the speed cap: no pixel is crossed faster than the scheme carries.
+        cap = _CFL / (ds * crossing)
+
+        def delay(w, s):
+            """−∂(φ − s)/∂s: how fast the expected arrival w = s − φ is put off."""
+            return 1 - jnp.minimum(shading.speed(w), cap) * stencil.gradient(s - w)
+
+        first = delay(w, s)
+        new = w + ds * first
+        if order == 2:
+            new = w + 0.5 * ds * (first + delay(jnp.minimum(new, due), s + ds))
+        new = _straight_paths(jnp.minimum(new, due), 1 / shading.speed(w), inside, lengths)
+        w = jnp.where(waiting, new, w)
+        return (w, reached | (waiting & (w <= s + ds)), s + ds), jnp.any(waiting)
+
+    state = (due, jnp.zeros_like(inside), start)
+    (w, reached, _), busy = jax.lax.scan(step, state, jnp.arange(steps))
+    return Arrival(w, reached, jnp.sum(busy))
+
+
+def _step_length(speed, crossing, waiting, w, s, end, n, steps):
+    """The time in which the fastest part of the active front crosses most of a pixel.
+
+    Never past the next source of its own by more than that source needs for one pixel, and never so short that the
+    remaining steps could not reach `end`.
+    """
+    # next to its singular point a front is infinitely fast; one pixel away it has F = 1 px
+    speed = jnp.minimum(speed, crossing)
+    active = waiting & ((w - s) * speed * crossing < 2)
+    fastest = jnp.max(jnp.where(active, speed * crossing, 0))
+    event = jnp.min(jnp.where(waiting & ~active, w, end)) - s + _CFL / jnp.max(crossing) ** 2
+    wanted = jnp.minimum(_CFL / jnp.maximum(fastest, 1e-6), event)
+    left, share = (steps - n).astype(s.dtype), jnp.maximum(n.astype(s.dtype) / steps, 0.1)
+    least = jnp.where(n == steps - 1, 1, share / left) * (end - s)
+    return jnp.where(jnp.any(waiting), jnp.maximum(wanted, least), 0)
+
+
+def _straight_paths(w, slowness, inside, lengths):
+    """w, but no later than along a straight path from any of the eight neighbours."""
+    times = jnp.pad(jnp.where(inside, w, 2 * _FAR), 1, constant_values=2 * _FAR)
+    slow = jnp.pad(slowness, 1)
+    for (du, dv), length in zip(_RING, jnp.concatenate([lengths, lengths]), strict=True):
+        mean = 0.5 * (slowness + _window(slow, 1, (du, dv), w.shape))
+        w = jnp.minimum(w, _window(times, 1, (du, dv), w.shape) + length * mean)
+    return w
+
+
+def _ring_lengths(g):
+    """Length of the first four offsets of `_RING` in the metric g_ij, from its inverse."""
+    determinant = g[..., 0, 0] * g[..., 1, 1] - g[..., 0, 1] ** 2
+    squares = [g[..., 1, 1] * du**2 - 2 * g[..., 0, 1] * du * dv + g[..., 0, 0] * dv**2 for du, dv in _RING[:4]]
+    return jnp.sqrt(jnp.stack(squares) / determinant)
+
+
+class _Stencil(eqx.Module):
+    """Offsets with their weights, and the pixels that have data."""
+
+    weights: Float[Array, "offsets height width"]
+    inside: Mask
+    offsets: tuple[Offset, ...] = eqx.field(static=True)
+    order: int = eqx.field(static=True)
+
+    def gradient(self, phi: Image) -> Image:
+        """√(Σ_k λ_k max(0, D₊, D₋)²), D± the one-sided differences towards larger φ: monotone in φ."""
+        reach = max(max(abs(du), abs(dv)) for du, dv in self.offsets) * self.order
+        # a pixel without data lies far ahead of the front, so it never is upwind
+        field = jnp.pad(jnp.where(self.inside, phi, -2 * _FAR), reach, constant_values=-2 * _FAR)
+        total = jnp.zeros_like(phi)
+        for (du, dv), weight in zip(self.offsets, self.weights, strict=True):
+            ahead = _one_sided(field, reach, (du, dv), phi.shape, self.order)
+            behind = _one_sided(field, reach, (-du, -dv), phi.shape, self.order)
+            total += weight * jnp.maximum(jnp.maximum(ahead, behind), 0) ** 2
+        return jnp.sqrt(total)
+
+
+def _one_sided(field, reach, offset, shape, order):
+    """φ(x + e) − φ(x), or its ENO2 form with the smaller of two second differences."""
+    du, dv = offset
+    here, there = _window(field, reach, (0, 0), shape), _window(field, reach, offset, shape)
+    first = there - here
+    if order == 1:
+        return first
+    beyond, back = _window(field, reach, (2 * du, 2 * dv), shape), _window(field, reach, (-du, -dv), shape)
+    at_here, at_there = first - here + back, beyond - there - first
+    smaller = jnp.where(jnp.abs(at_here) < jnp.abs(at_there), at_here, at_there)
+    smooth = (beyond > -_FAR) & (back > -_FAR) & (at_here * at_there > 0)
+    return first - 0.5 * jnp.where(smooth, smaller, 0)
+
+
+def _window(field, reach, offset, shape):
+    """field(x + offset) on the image, from a field padded by `reach`."""
+    du, dv = offset
+    return jax.lax.slice(field, (reach + dv, reach + du), (reach + dv + shape[0], reach + du + shape[1]))

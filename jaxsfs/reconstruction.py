@@ -1,0 +1,271 @@
+"""Irradiance → Surface: sets up the one equation, lets a solver run, and says how far the result can be trusted."""
+
+import enum
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jaxsfs.camera import AbstractCamera, AbstractCentralCamera, Orthographic
+from jaxsfs.forms import Scalar
+from jaxsfs.initial import AbstractInitial, Deadline, SingularPoint
+from jaxsfs.irradiance import Irradiance
+from jaxsfs.levelset import propagate
+from jaxsfs.reflectance import AbstractReflectance, Lambertian
+from jaxsfs.shading import AbstractShading, distant_light, light_at_camera
+from jaxsfs.surface import Surface
+from jaxsfs.sweeping import sweep
+from jaxsfs.upwind import offsets_for
+
+Image = Float[Array, "height width"]
+Mask = Bool[Array, "height width"]
+
+
+class Status(enum.Enum):
+    """What became of a reconstruction. The value is the message: what happened and what to do."""
+
+    GOOD = "The surface is reconstructed and explains the image."
+    NOT_SETTLED = (
+        "The sweeps did not settle, as happens on noisy images: smooth the image (--smooth 1 or more) or use order 1."
+    )
+    UNREACHED = (
+        "The front did not reach all valid pixels: they are left out. Give the initial curve a place in every part of "
+        "the mask, or let the level set take more steps."
+    )
+    UNEXPLAINED = (
+        "The surface does not explain the image (see the residual): check the camera, the response and the mask, and "
+        "look for highlights, noise and occlusions."
+    )
+    FEW_PIXELS = "Too few valid pixels for a surface: check the mask and the exposure."
+
+    @property
+    def trustworthy(self) -> bool:
+        """Whether the surface may be used without a second look."""
+        return self is Status.GOOD
+
+
+class Statistics(eqx.Module):
+    """Figures of a reconstruction.
+
+    `residual_mean`, `residual_p95`: |E_rerendered − E|/mean(E) over the valid pixels that have a normal. It tests the
+    solution of the equation, not the photometry: one image fits any response and fall-off.
+    """
+
+    valid_pixels: int
+    unreached_pixels: int
+    work: int
+    work_unit: str = eqx.field(static=True)
+    change: float
+    residual_mean: float
+    residual_p95: float
+
+    def as_dict(self) -> dict[str, float | int | str]:
+        """Plain numbers, by name."""
+        names = ("valid_pixels", "unreached_pixels", "change", "residual_mean", "residual_p95")
+        return {name: getattr(self, name) for name in names} | {self.work_unit: self.work}
+
+
+class Reconstruction(eqx.Module):
+    """A surface, what it was made from, and what is to be thought of it.
+
+    Lengths are in the unit of √(albedo/irradiance): scene units with albedo 1, millimetres with a calibrated
+    gain·albedo, or whatever `scaled_to` says.
+    """
+
+    surface: Surface
+    irradiance: Irradiance
+    statistics: Statistics
+    albedo: Scalar
+    status: Status = eqx.field(static=True)
+
+
+def reconstruct(
+    irradiance: Irradiance,
+    camera: AbstractCamera,
+    *,
+    albedo: Scalar = 1.0,
+    reflectance: AbstractReflectance = Lambertian(),  # noqa: B008 (frozen)
+    light: Literal["camera", "distant"] = "camera",
+    solver: Literal["sweeping", "level-set"] = "sweeping",
+    order: Literal[1, 2] = 2,
+    initial: AbstractInitial | None = None,
+    concave: bool = False,
+    steps: int | None = None,
+) -> Reconstruction:
+    """The surface r(u, v) with E = ρ G(cos θ)/r², for one light at the projection centre of `camera`.
+
+    Range and normals follow from brightness alone (the maximal viscosity solution; Prados & Faugeras 2005), up to
+    the factor √albedo. `initial`: `Deadline()` if not given, one automatic `SingularPoint()` for a distant light.
+    `steps`: at most so many steps of the level set, or rounds of the sweeps.
+
+    `light="distant"` (Kimmel & Bruckstein 1995a) needs the orthographic camera: E = ρ cos θ, no deadlines, so z at
+    singular points is data (`SummitHeights`) and the solution is the smallest that grows away from them. Whether the
+    surface is convex or hollow there cannot be told from the image: `concave=True` takes the given points as the
+    farthest ones instead, z → −z.
+
+    Raises ValueError for sizes that do not match, a light that does not fit the camera, no valid pixel, an initial
+    curve that the brightness contradicts.
+    """
+    inside = _usable(irradiance, camera)
+    dtype = irradiance.values.dtype
+    metric = _inverse_metrics(camera, jnp.zeros((), dtype))
+    shading, metric = _shading(irradiance, inside, camera, metric, albedo, reflectance, light)
+    initial = (SingularPoint() if light == "distant" else Deadline()) if initial is None else initial
+    known = initial.known(_mirrored(shading, concave), inside)
+    if int(jnp.sum(inside)) < 4:
+        return _too_small(irradiance, camera, albedo, inside)
+
+    if solver == "level-set":
+        start, end = _time_span(shading, metric, inside, known)
+        offsets = offsets_for(metric, inside)
+        arrival = propagate(
+            shading, metric, inside, known, start, end, offsets=offsets, order=order, steps=steps or _steps(inside)
+        )
+        w, reached, work, change = arrival.w, arrival.reached, arrival.steps, 0.0
+    elif solver == "sweeping":
+        sweeps = sweep(shading, metric, inside, known, order=order, **_stopping(dtype, steps))
+        w, reached, work, change = sweeps.w, sweeps.reached, sweeps.rounds, float(sweeps.change)
+    else:
+        raise ValueError(f"solver must be 'sweeping' or 'level-set', got {solver!r}")
+
+    distance = jnp.where(reached, shading.to_range(w), 1.0).astype(dtype)
+    surface = Surface(camera, -distance if concave else distance, reached)
+    mean, p95 = _residual(surface, irradiance, albedo, reflectance, light)
+    statistics = Statistics(
+        valid_pixels=int(jnp.sum(reached)),
+        unreached_pixels=int(jnp.sum(inside & ~reached)),
+        work=int(work),
+        work_unit="steps" if solver == "level-set" else "rounds",
+        change=change,
+        residual_mean=mean,
+        residual_p95=p95,
+    )
+    return Reconstruction(surface, irradiance, statistics, albedo, status=_status(statistics))
+
+
+def scaled_to(result: Reconstruction, pixel: tuple[Scalar, Scalar], distance: Scalar) -> Reconstruction:
+    """The same surface with range `distance` at `pixel` (u, v): the equation fixes shape, one range fixes size.
+
+    The albedo scales with the square. Raises ValueError where the pixel has no surface, or the range is not positive.
+    """
+    surface = result.surface
+    u, v = round(float(pixel[0])), round(float(pixel[1]))
+    height, width = surface.range.shape
+    if not (0 <= u < width and 0 <= v < height and bool(surface.valid[v, u])):
+        raise ValueError(f"the known range is at pixel ({u}, {v}), where there is no surface")
+    if not distance > 0:
+        raise ValueError(f"a known range must be positive, got {distance}")
+    if not isinstance(surface.camera, AbstractCentralCamera):
+        raise ValueError("a known range scales a near-light surface; with a distant light give heights instead")
+    factor = distance / surface.range[v, u]
+    scaled = Surface(surface.camera, surface.range * factor, surface.valid)
+    return eqx.tree_at(lambda r: (r.surface, r.albedo), result, (scaled, result.albedo * factor**2))
+
+
+def _usable(irradiance: Irradiance, camera: AbstractCamera) -> Mask:
+    shape = irradiance.values.shape
+    if shape != (camera.height, camera.width):
+        raise ValueError(
+            f"the image is {shape[1]} x {shape[0]} px but the camera {camera.width} x {camera.height} px: "
+            f"use the camera of this image size (camera.resized or camera.cropped)"
+        )
+    usable = irradiance.valid & _field(camera) & jnp.isfinite(irradiance.values) & (irradiance.values > 0)
+    if not bool(jnp.any(usable)):
+        raise ValueError("no pixel is valid, has irradiance above 0 and a ray of the camera: check mask and exposure")
+    return usable
+
+
+def _shading(
+    irradiance: Irradiance, inside: Mask, camera, metric, albedo: Scalar, reflectance, light: str
+) -> tuple[AbstractShading, Float[Array, "height width 2 2"]]:
+    if light == "camera" and isinstance(camera, AbstractCentralCamera):
+        return light_at_camera(irradiance.values, inside, albedo, reflectance), metric
+    if light == "distant" and isinstance(camera, Orthographic):
+        if not isinstance(reflectance, Lambertian):
+            cosine = reflectance.inverse(irradiance.values / albedo)
+            irradiance = Irradiance(albedo * cosine, irradiance.valid)
+        unit = camera.width / camera.scale
+        return distant_light(irradiance.values, albedo, unit), metric * jnp.asarray(unit**2, metric.dtype)
+    if light not in ("camera", "distant"):
+        raise ValueError(f"light must be 'camera' or 'distant', got {light!r}")
+    raise ValueError(
+        f"light {light!r} and a {type(camera).__name__} camera do not go together: a light at the camera needs a "
+        f"central camera, a distant light the orthographic one"
+    )
+
+
+def _mirrored(shading: AbstractShading, concave: bool) -> AbstractShading:
+    """For hollow surfaces the solver sees −z; only the way a range becomes w changes."""
+    if not concave:
+        return shading
+    if not hasattr(shading, "facing"):
+        raise ValueError("concave is a choice for a distant light; near the light the image decides")
+    return eqx.tree_at(lambda s: s.unit, shading, -shading.unit)
+
+
+def _time_span(shading: AbstractShading, metric, inside: Mask, known: Image):
+    """First and last time of a front. Without deadlines the last one comes from a quick solution of first order."""
+    due = jnp.where(inside, jnp.minimum(shading.deadline(), known), jnp.inf)
+    latest = jnp.max(jnp.where(jnp.isfinite(due), due, -jnp.inf))
+    if not bool(jnp.all(jnp.isfinite(due) | ~inside)):
+        quick = sweep(shading, metric, inside, known, order=1)
+        latest = jnp.max(jnp.where(quick.reached, quick.w, -jnp.inf)) + 0.01
+    return jnp.min(due) - 1e-4, latest
+
+
+def _steps(inside: Mask) -> int:
+    """A front needs about one step a pixel it crosses; sources that start late cost more."""
+    return 4 * max(inside.shape)
+
+
+def _stopping(dtype, steps: int | None) -> dict[str, float | int]:
+    tolerance = 4e-6 if dtype == jnp.float32 else 1e-10
+    return {"tolerance": tolerance, "max_rounds": steps or (40 if dtype == jnp.float32 else 80)}
+
+
+def _residual(surface: Surface, irradiance: Irradiance, albedo, reflectance, light) -> tuple[float, float]:
+    misfit, ok = _misfit(surface, irradiance, albedo, reflectance, light == "distant")
+    values = np.asarray(misfit)[np.asarray(ok)]
+    return (float(values.mean()), float(np.percentile(values, 95))) if values.size else (float("nan"), float("nan"))
+
+
+@eqx.filter_jit
+def _misfit(surface: Surface, irradiance: Irradiance, albedo, reflectance, distant: bool):
+    cosines, ok = surface.cosines()
+    expected = (
+        albedo * reflectance(jnp.clip(cosines, 0, 1)) / jnp.where(distant | ~surface.valid, 1, surface.range) ** 2
+    )
+    mean = jnp.sum(jnp.where(ok, irradiance.values, 0)) / jnp.maximum(jnp.sum(ok), 1)
+    return jnp.abs(expected - irradiance.values) / mean, ok
+
+
+def _status(statistics: Statistics) -> Status:
+    if statistics.valid_pixels < 16:
+        return Status.FEW_PIXELS
+    if statistics.change > 1e-3:
+        return Status.NOT_SETTLED
+    if statistics.unreached_pixels > 0.001 * statistics.valid_pixels:
+        return Status.UNREACHED
+    if not statistics.residual_mean < 0.2:
+        return Status.UNEXPLAINED
+    return Status.GOOD
+
+
+def _too_small(irradiance: Irradiance, camera, albedo: Scalar, inside: Mask) -> Reconstruction:
+    nothing = jnp.zeros_like(inside)
+    surface = Surface(camera, jnp.ones_like(irradiance.values), nothing)
+    statistics = Statistics(0, int(jnp.sum(inside)), 0, "rounds", 0.0, float("nan"), float("nan"))
+    return Reconstruction(surface, irradiance, statistics, albedo, status=Status.FEW_PIXELS)
+
+
+@jax.jit
+def _field(camera: AbstractCamera) -> Mask:
+    return camera.field()
+
+
+@jax.jit
+def _inverse_metrics(camera: AbstractCamera, like: Float[Array, ""]) -> Float[Array, "height width 2 2"]:
+    return camera.inverse_metrics(like.dtype)

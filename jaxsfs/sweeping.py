@@ -1,0 +1,201 @@
+"""Raster sweeps over the static form |∇v|²_g + B v² = P (Weber et al. 2008 for the order of updates).
+
+Every pixel starts at its deadline and falls to the largest solution below it. A sweep goes row by row; each pixel
+reads the row before it, so a row is one vector operation. Four sweeps (down, up, right, left) make a round.
+
+The update at a pixel x with neighbours y₁ (straight) and y₂ (diagonal) takes one-sided differences
+D_k = a_k (v − m_k) along both edges and solves Σ h^{kl} D_k D_l + B v² = P, h^{kl} the inverse metric in the basis
+of the edges. First order: a = 1, m = v(y). Second order: a = 3/2, m = (4 v(y) − v(y'))/3 with y' one step further,
+where v still falls there.
+"""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsfs.shading import AbstractShading, Balance
+
+Image = Float[Array, "height width"]
+Mask = Bool[Array, "height width"]
+
+_PAD = 2  # rows and columns beyond the image that second order reads
+_HUGE = 1e30  # v where there is no data: never upwind of anything
+
+
+class Sweeps(eqx.Module):
+    """Solution of the static form: w where a front came by or a deadline holds, and the work it took.
+
+    `change`: largest relative change of v in the last round.
+    """
+
+    w: Image
+    reached: Mask
+    rounds: Int[Array, ""]
+    change: Float[Array, ""]
+
+
+class _Frame(eqx.Module):
+    """The image as one pair of opposite sweeps sees it: as it is, or transposed."""
+
+    g11: Image  # across the sweep
+    g12: Image
+    g22: Image  # along the sweep
+    top: Image  # deadline of v
+    free: Mask
+
+    def transposed(self) -> "_Frame":
+        return _Frame(self.g22.T, self.g12.T, self.g11.T, self.top.T, self.free.T)
+
+
+@partial(jax.jit, static_argnames=("order", "max_rounds"))
+def sweep(
+    shading: AbstractShading,
+    inverse_metric: Float[Array, "height width 2 2"],
+    inside: Mask,
+    known: Image,
+    *,
+    order: int = 2,
+    max_rounds: int = 40,
+    tolerance: float = 4e-6,
+) -> Sweeps:
+    """Solves for w on `inside`.
+
+    `known`: w where it is given (Dirichlet), +inf elsewhere. Pixels outside `inside` are left out of every
+    difference (state constraints). Stops when no v changes by more than `tolerance` (relative) in a round.
+    """
+    given = inside & jnp.isfinite(known)
+    # Second order: the power that makes the equation quadratic. First order: p = −1, v = −1/r, in which surfaces
+    # bend least and one-sided differences err least (a plane's 1/r is linear in the ray).
+    p = -1.0 if order == 1 and shading.is_exact() else shading.natural_power()
+    fixed = order == 2 and shading.is_exact()
+    top = jnp.where(inside, shading.lift(jnp.where(given, known, shading.deadline()), p), _HUGE)
+    top = jnp.minimum(top, _HUGE)
+    v = jnp.where(jnp.isfinite(top), top, _HUGE)
+    g = inverse_metric
+    frame = _Frame(g[..., 0, 0], g[..., 0, 1], g[..., 1, 1], v, inside & ~given)
+    frames = (frame, frame.transposed())
+    extent = (v.shape[0] + v.shape[1]) / jnp.sqrt(jnp.max(jnp.where(inside, frame.g11, 0)))
+
+    def one_round(v, owner, second, frozen):
+        balance = shading.balance(v, p)
+        for axis in (0, 1):
+            f = frames[axis]
+            vt, ot = (x if axis == 0 else x.T for x in (v, owner))
+            for forward in (True, False):
+                if not fixed:
+                    balance = shading.balance(vt if axis == 0 else vt.T, p)
+                bt = balance if axis == 0 else jax.tree.map(jnp.transpose, balance)
+                vt, ot = _directional_sweep(
+                    vt, ot, bt, f, jnp.asarray(forward), jnp.int8(2 * axis + forward), second, frozen
+                )
+            v, owner = (vt, ot) if axis == 0 else (vt.T, ot.T)
+        return v, owner
+
+    def proceed(state):
+        _, _, rounds, change, settled_at = state
+        return (rounds < max_rounds) & ~((change < tolerance) & (rounds > settled_at))
+
+    def body(state):
+        v, owner, rounds, _, settled_at = state
+        second = (order == 2) & (rounds > settled_at)
+        new, owner = one_round(v, owner, second, second & (rounds > settled_at + 3))
+        change = jnp.max(jnp.where(inside, jnp.abs(new - v) / jnp.maximum(jnp.abs(new), extent), 0))
+        # second order starts once the first-order solution knows where everything comes from
+        return new, owner, rounds + 1, change, jnp.where(change < 1e-2, jnp.minimum(settled_at, rounds), settled_at)
+
+    settled = jnp.int32(-1 if order == 1 else max_rounds)
+    start = (v, jnp.full(v.shape, -1, jnp.int8), jnp.int32(0), jnp.asarray(jnp.inf, v.dtype), settled)
+    v, _, rounds, change, _ = jax.lax.while_loop(proceed, body, start)
+    reached = inside & (v < 0.5 * _HUGE)
+    return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change)
+
+
+def _directional_sweep(v, owner, balance: Balance, frame: _Frame, forward, direction, second, frozen):
+    """One sweep down (`forward`) or up the rows. `direction` owns the pixels whose value it set: they follow
+    their upwind neighbours up as well as down, which second order needs."""
+    height, width = v.shape
+    padded = jnp.pad(v, _PAD, constant_values=_HUGE)
+
+    def row(n, state):
+        padded, owner = state
+        i = jnp.where(forward, n, height - 1 - n)
+
+        def neighbour(back, shift):
+            return jax.lax.dynamic_slice(
+                padded, (i + _PAD - jnp.where(forward, back, -back), _PAD + shift), (1, width)
+            )[0]
+
+        def at(x):
+            return jax.lax.dynamic_slice(x, (i, 0), (1, width))[0]
+
+        old = neighbour(0, 0)
+        g11, g12, g22 = at(frame.g11), jnp.where(forward, 1, -1).astype(v.dtype) * at(frame.g12), at(frame.g22)
+        candidate = _row_update(neighbour, g11, g12, g22, jax.tree.map(at, balance), second)
+        mine = at(owner) == direction
+        better = (candidate < old) & ~frozen
+        new = jnp.where(at(frame.free) & (better | mine), jnp.minimum(candidate, at(frame.top)), old)
+        owner_row = jnp.where(at(frame.free) & better, direction, at(owner))
+        padded = jax.lax.dynamic_update_slice(padded, new[None], (i + _PAD, _PAD))
+        owner = jax.lax.dynamic_update_slice(owner, owner_row[None], (i, 0))
+        return padded, owner
+
+    padded, owner = jax.lax.fori_loop(0, height, row, (padded, owner))
+    return padded[_PAD:-_PAD, _PAD:-_PAD], owner
+
+
+def _row_update(neighbour, g11, g12, g22, balance, second):
+    """The smallest v that the row before offers, from two triangles and three edges."""
+    determinant = g11 * g22 - g12 * g12
+    straight = _one_sided(neighbour, 0, second)
+    best = _from_edge(straight, determinant / g11, balance)
+    for side in (-1, 1):
+        diagonal = _one_sided(neighbour, side, second)
+        # g in the basis e₁ = (0, −1), e₂ = (side, −1)
+        h12 = -side * g12 - g11
+        h11 = g22 + 2 * side * g12 + g11
+        best = jnp.minimum(best, _from_edge(diagonal, determinant / h11, balance))
+        best = jnp.minimum(best, _from_triangle(straight, diagonal, h11, h12, g11, balance))
+    return best
+
+
+def _one_sided(neighbour, shift, second):
+    """(a, m, v(y)) of the difference a (v − m) towards the neighbour y."""
+    here, near, far = neighbour(0, 0), neighbour(1, shift), neighbour(2, 2 * shift)
+    fall, before = here - near, near - far
+    ratio = before / jnp.maximum(fall, 1e-30)
+    share = jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1)
+    share = jnp.where(second & (far < 0.5 * _HUGE) & (fall > 0), share, 0)
+    a = 1 + 0.5 * share
+    return a, near + 0.5 * share * before / a, near
+
+
+def _from_edge(difference, q, balance):
+    """q a² (v − m)² + b v² = p: the front comes along the edge."""
+    a, m, near = difference
+    m = jnp.where(near < 0.5 * _HUGE, m, 0)
+    x = _larger_root(q * a * a, 0.0, 0.0, m, balance)
+    return jnp.where((near < 0.5 * _HUGE) & (x >= 0), m + x, _HUGE)
+
+
+def _from_triangle(straight, diagonal, h11, h12, h22, balance):
+    """h^{kl} D_k D_l + b v² = p, D_k = a_k (v − m_k); only if the front comes between the two edges."""
+    (a1, m1, near1), (a2, m2, near2) = straight, diagonal
+    known = (near1 < 0.5 * _HUGE) & (near2 < 0.5 * _HUGE)
+    m1, m2 = jnp.where(known, m1, 0), jnp.where(known, m2, 0)
+    c11, c12, c22 = h11 * a1 * a1, h12 * a1 * a2, h22 * a2 * a2
+    gap = m2 - m1
+    x = _larger_root(c11 + 2 * c12 + c22, (c12 + c22) * gap, c22 * gap * gap, m1, balance)
+    d1, d2 = a1 * x, a2 * (x - gap)
+    between = (h11 * d1 + h12 * d2 >= 0) & (h12 * d1 + h22 * d2 >= 0) & (d1 >= 0) & (d2 >= 0)
+    return jnp.where(known & between, m1 + x, _HUGE)
+
+
+def _larger_root(quad, half, rest, m, balance: Balance):
+    """x with quad·x² − 2·half·x + rest + square·(m + x)² + linear·(m + x) = constant; NaN where there is none."""
+    quad = quad + balance.square
+    half = half - balance.square * m - 0.5 * balance.linear
+    rest = rest + balance.square * m * m + balance.linear * m - balance.constant
+    return (half + jnp.sqrt(half * half - quad * rest)) / quad
