@@ -24,6 +24,7 @@ _EROSION_PX = (2, 8)
 
 Grey = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
+Circle = tuple[np.ndarray, float]  # centre (u, v) and radius in px
 
 
 class FieldMask(eqx.Module):
@@ -63,8 +64,8 @@ def find_field(photo: Float[np.ndarray, "height width *channels"]) -> FieldMask:
     corners = sum(not lit[v, u] for v in (0, -1) for u in (0, -1))
     if corners < 2 or not _SMALLEST_FIELD < lit.mean() < 1 - _SMALLEST_BORDER or not _ends_in_kink(smooth, lit):
         return whole
-    mask, shape = _shaped(lit)
-    mask = _eroded(mask, smooth)
+    mask, shape, circle = _shaped(lit)
+    mask = _eroded(mask, smooth, circle)
     return FieldMask(mask, shape, float(mask.mean()), _words(mask, shape))
 
 
@@ -134,25 +135,23 @@ def _bands(smooth: Grey, region: Mask, distances: tuple[int, int]) -> np.ndarray
     return smooth[(inward > distances[0]) & (inward <= distances[1])]
 
 
-def _shaped(lit: Mask) -> tuple[Mask, Shape]:
-    """The field with the dents that dark tissue at the rim leaves filled up, and what it looks like."""
+def _shaped(lit: Mask) -> tuple[Mask, Shape, Circle | None]:
+    """The field with the dents that dark tissue at the rim leaves filled up, what it looks like, and its circle."""
     contour = max(cv2.findContours(lit.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
     hull_points = cv2.convexHull(contour)
     hull = _polygon(hull_points, lit.shape)
     if lit.sum() < _NEARLY_CONVEX * hull.sum():
         radius = max(2, round(0.01 * min(lit.shape)))
         closed = cv2.morphologyEx(np.pad(lit, radius, mode="edge").astype(np.uint8), cv2.MORPH_CLOSE, _disc(radius)) > 0
-        return _filled(closed[radius:-radius, radius:-radius]), "irregular"
+        return _filled(closed[radius:-radius, radius:-radius]), "irregular", None
     rim = _off_image_border(_polygon_rim(hull), lit.shape)
     circle = _circle(rim)
     if circle is None:
-        return hull, "irregular"
+        return hull, "irregular", None
     centre, radius, misfit = circle
     if misfit < min(_polygon_misfit(hull_points, rim), 0.02 * radius):
-        v, u = np.indices(lit.shape)
-        inside = np.hypot(u - centre[0], v - centre[1]) < radius + 1
-        return lit | (hull & inside), "round"
-    return hull, "straight-sided"
+        return lit | (hull & _disc_mask((centre, radius + 1), lit.shape)), "round", (centre, radius + 1)
+    return hull, "straight-sided", None
 
 
 def _polygon(points: np.ndarray, shape: tuple[int, ...]) -> Mask:
@@ -205,15 +204,29 @@ def _polygon_misfit(hull_points: np.ndarray, rim: np.ndarray) -> float:
     return float(np.median(distances))
 
 
-def _eroded(mask: Mask, smooth: Grey) -> Mask:
+def _eroded(mask: Mask, smooth: Grey, circle: Circle | None) -> Mask:
     """Without the rim, as far in as it is still getting brighter."""
     low, high = _EROSION_PX
-    inward = _distance_inside(mask)
+    # Where the image border cuts the field, the rim goes on beyond it.
+    margin = high + 1
+    beyond = np.pad(mask, margin, mode="edge")
+    if circle is not None:
+        (u, v), radius = circle
+        continued = _disc_mask((np.array([u + margin, v + margin]), radius), beyond.shape)
+        continued[margin:-margin, margin:-margin] = True
+        beyond &= continued
+    inward = _distance_inside(beyond)[margin:-margin, margin:-margin]
     levels = [
         np.median(smooth[ring]) if (ring := (inward > d - 1) & (inward <= d)).any() else 0.0 for d in range(1, 12)
     ]
     depth = next((d for d in range(low, high) if levels[d] >= 0.95 * levels[d + 2]), high)
     return inward > depth
+
+
+def _disc_mask(circle: Circle, shape: tuple[int, ...]) -> Mask:
+    (centre_u, centre_v), radius = circle
+    v, u = np.ogrid[: shape[0], : shape[1]]
+    return (u - centre_u) ** 2 + (v - centre_v) ** 2 < radius**2
 
 
 def _distance_inside(mask: Mask) -> Grey:
