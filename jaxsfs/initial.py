@@ -130,10 +130,8 @@ def _near_light_only(shading: AbstractShading, what: str) -> None:
 
 def _require_possible(known: Image, shading: AbstractShading, inside: Mask, what: str) -> None:
     """A known range may not lie beyond the range at which the pixel would face the light."""
-    excess = jnp.where(inside & jnp.isfinite(known), known - shading.deadline(), -jnp.inf)
-    typical = (
-        float(np.median(np.asarray(excess)[np.isfinite(np.asarray(excess))])) if jnp.isfinite(excess).any() else 0.0
-    )
+    excess = np.asarray(known - shading.deadline())[np.asarray(inside & jnp.isfinite(known))]
+    typical = float(np.median(excess))
     if typical > 0.02:
         raise ValueError(
             f"{what} is {np.exp(typical):.3g} times the largest range that the brightness there allows "

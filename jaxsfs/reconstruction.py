@@ -15,7 +15,7 @@ from jaxsfs.initial import AbstractInitial, Deadline, SingularPoint
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.levelset import propagate
 from jaxsfs.reflectance import AbstractReflectance, Lambertian
-from jaxsfs.shading import AbstractShading, distant_light, light_at_camera
+from jaxsfs.shading import AbstractShading, DistantLight, distant_light, light_at_camera
 from jaxsfs.surface import Surface
 from jaxsfs.sweeping import sweep
 from jaxsfs.upwind import offsets_for
@@ -201,7 +201,7 @@ def _mirrored(shading: AbstractShading, concave: bool) -> AbstractShading:
     """For hollow surfaces the solver sees −z; only the way a range becomes w changes."""
     if not concave:
         return shading
-    if not hasattr(shading, "facing"):
+    if not isinstance(shading, DistantLight):
         raise ValueError("concave is a choice for a distant light; near the light the image decides")
     return eqx.tree_at(lambda s: s.unit, shading, -shading.unit)
 

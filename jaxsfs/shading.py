@@ -53,11 +53,15 @@ class AbstractShading(eqx.Module):
 
     @abc.abstractmethod
     def natural_power(self) -> Scalar:
-        """The power p for which `balance` is exact, or nearly."""
+        """The power p of `lift` in which the equation is a quadratic one, or nearly."""
 
     @abc.abstractmethod
-    def is_exact(self) -> bool:
-        """Whether `balance` with the natural power does not depend on v."""
+    def is_quadratic(self) -> bool:
+        """Whether the equation in v with the natural power is a quadratic one, namely `quadratic_balance`."""
+
+    @abc.abstractmethod
+    def quadratic_balance(self) -> "Balance":
+        """The equation in v with the natural power, where `is_quadratic`."""
 
     @abc.abstractmethod
     def lift(self, w: Image, p: Scalar) -> Image:
@@ -100,7 +104,7 @@ class LightAtCamera(AbstractShading):
 
     def from_range(self, distance: Scalar) -> Scalar:
         """w = ln(r/unit). Raises ValueError for a range that is not positive."""
-        if not isinstance(distance, jax.core.Tracer) and not distance > 0:
+        if not isinstance(distance, jax.Array) and not distance > 0:
             raise ValueError(f"a range must be positive, got {distance}")
         return jnp.log(jnp.asarray(distance / self.unit, self.bound.dtype))
 
@@ -118,8 +122,15 @@ class LightAtCamera(AbstractShading):
     def natural_power(self) -> Scalar:
         return 2 / self.reflectance.exponent()
 
-    def is_exact(self) -> bool:
+    def is_quadratic(self) -> bool:
         return isinstance(self.reflectance, Lambertian | Power)
+
+    def quadratic_balance(self) -> "Balance":
+        """For G = cos^a and p = 2/a, |∇v|²_g + p²v² = p²(ρ/E)^{2/a}; for a Lambertian surface v = r² and
+        |∇v|²_g + 4v² = 4ρ²/E²."""
+        p = self.natural_power()
+        top = self.lift(self.bound, p)
+        return Balance(p**2 * top**2, jnp.zeros_like(top), jnp.full_like(top, p**2))
 
     def lift(self, w: Image, p: Scalar) -> Image:
         """v = sign(p) e^{pw} = sign(p) r^p."""
@@ -129,14 +140,19 @@ class LightAtCamera(AbstractShading):
         return jnp.log(jnp.abs(v)) / p
 
     def balance(self, v: Image, p: Scalar) -> "Balance":
-        """|∇v|²_g + p²v² = S(v), S = p²v²/c². For G = cos^a and p = 2/a, S = p² (ρ/E)^{2/a} whatever v; a Lambertian
-        surface in v = r² obeys |∇v|² + 4v² = 4ρ²/E². Otherwise S' = (2 p² v/c²)(1 − 2/(pκ)), κ = d ln G/d ln c."""
-        cosine = self.reflectance.inverse(jnp.abs(v / self.lift(self.bound, p)) ** (2 / p))
-        cosine = jnp.clip(cosine, MIN_COSINE, 1)
+        """|∇v|²_g = R(v), R = p²v²(1/c² − 1), R' = 2p²v (1/c² − 1 − 2/(pκc²)) with κ = d ln G/d ln c; but no steeper
+        than the chord to R = 0 at the deadline, so that R stays positive up to there."""
+        top = self.lift(self.bound, p)
+        cosine = jnp.clip(self.reflectance.inverse(jnp.abs(v / top) ** (2 / p)), MIN_COSINE, 1)
+        steepness = 1 / cosine**2 - 1
         value, slope = jax.jvp(self.reflectance, (cosine,), (jnp.ones_like(cosine),))
         kappa = jnp.maximum(slope * cosine / value, 1e-3)
-        growth = 2 * p**2 * v / cosine**2 * (1 - 2 / (p * kappa))
-        return Balance(p**2 * v**2 / cosine**2 - growth * v, -growth, jnp.full_like(v, p**2))
+        right = p**2 * v**2 * steepness
+        tangent = 2 * p**2 * v * (2 / (p * kappa * cosine**2) - steepness)
+        room = top - v
+        far = room > 1e-3 * jnp.abs(v)
+        linear = jnp.where(far, jnp.minimum(jnp.abs(tangent), right / jnp.where(far, room, 1)), jnp.abs(tangent))
+        return Balance(right + linear * v, linear, jnp.zeros_like(v))
 
 
 class DistantLight(AbstractShading):
@@ -166,8 +182,12 @@ class DistantLight(AbstractShading):
     def natural_power(self) -> Scalar:
         return 1.0
 
-    def is_exact(self) -> bool:
+    def is_quadratic(self) -> bool:
         return True
+
+    def quadratic_balance(self) -> "Balance":
+        cosine = jnp.clip(self.facing, MIN_COSINE, 1)
+        return Balance(1 / cosine**2 - 1, jnp.zeros_like(cosine), jnp.zeros_like(cosine))
 
     def lift(self, w: Image, p: Scalar) -> Image:
         """v = z whatever p: |∇z|² = 1/c² − 1."""
@@ -177,8 +197,7 @@ class DistantLight(AbstractShading):
         return v
 
     def balance(self, v: Image, p: Scalar) -> "Balance":
-        cosine = jnp.clip(self.facing, MIN_COSINE, 1)
-        return Balance(1 / cosine**2 - 1, jnp.zeros_like(v), jnp.zeros_like(v))
+        return self.quadratic_balance()
 
 
 def light_at_camera(

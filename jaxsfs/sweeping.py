@@ -69,8 +69,8 @@ def sweep(
     given = inside & jnp.isfinite(known)
     # Second order: the power that makes the equation quadratic. First order: p = −1, v = −1/r, in which surfaces
     # bend least and one-sided differences err least (a plane's 1/r is linear in the ray).
-    p = -1.0 if order == 1 and shading.is_exact() else shading.natural_power()
-    fixed = order == 2 and shading.is_exact()
+    p = -1.0 if order == 1 and shading.is_quadratic() else shading.natural_power()
+    quadratic = order == 2 and shading.is_quadratic()
     top = jnp.where(inside, shading.lift(jnp.where(given, known, shading.deadline()), p), _HUGE)
     top = jnp.minimum(top, _HUGE)
     v = jnp.where(jnp.isfinite(top), top, _HUGE)
@@ -80,13 +80,12 @@ def sweep(
     extent = (v.shape[0] + v.shape[1]) / jnp.sqrt(jnp.max(jnp.where(inside, frame.g11, 0)))
 
     def one_round(v, owner, second, frozen):
-        balance = shading.balance(v, p)
         for axis in (0, 1):
             f = frames[axis]
             vt, ot = (x if axis == 0 else x.T for x in (v, owner))
             for forward in (True, False):
-                if not fixed:
-                    balance = shading.balance(vt if axis == 0 else vt.T, p)
+                # a quadratic equation does not change: XLA computes it once
+                balance = shading.quadratic_balance() if quadratic else shading.balance(vt if axis == 0 else vt.T, p)
                 bt = balance if axis == 0 else jax.tree.map(jnp.transpose, balance)
                 vt, ot = _directional_sweep(
                     vt, ot, bt, f, jnp.asarray(forward), jnp.int8(2 * axis + forward), second, frozen

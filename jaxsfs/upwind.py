@@ -15,7 +15,8 @@ from jaxtyping import Array, Bool, Float
 Offset = tuple[int, int]
 
 # Offsets (du, dv), one of each ± pair, in rings of growing reach. A ring is needed once the anisotropy (square root
-# of the eigenvalue ratio of g; 1/cos α for the spherical camera) passes 2.41, 4.23 and 6.16; the last one reaches 8.08 (α = 82.9°).
+# of the eigenvalue ratio of g; 1/cos α for the spherical camera) passes 2.41, 4.23 and 6.16; the last one reaches
+# 8.08 (α = 82.9°).
 _RINGS: tuple[tuple[Offset, ...], ...] = (
     ((1, 0), (0, 1), (1, 1), (1, -1)),
     ((2, 1), (2, -1), (1, 2), (1, -2)),
