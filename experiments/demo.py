@@ -23,7 +23,7 @@ def demo(out: Path) -> int:
     out.mkdir(parents=True, exist_ok=True)
     (out / "scene.json").write_text(json.dumps(SCENE, indent=2) + "\n", encoding="utf-8")
     camera = ["--camera", str(view / "camera.json")]
-    photograph = "--half-field 55 --falloff cos:1 --blur 0.7 --read-noise 0.002 --seed 1".split()
+    photograph = ["--half-field", "55", "--falloff", "cos:1", "--blur", "0.7", "--read-noise", "0.002", "--seed", "1"]
     steps = [
         ("an 8-bit photograph with fall-off, blur and noise, and the exact surface behind it",
          ["render", str(out / "scene.json"), *photograph, "--force", "--out", str(view)]),

@@ -205,7 +205,7 @@ def _polygon_misfit(hull_points: np.ndarray, rim: np.ndarray) -> float:
 
 
 def _eroded(mask: Mask, smooth: Grey, circle: Circle | None) -> Mask:
-    """Without the rim, as far in as it is still getting brighter."""
+    """Without the rim, as far in as it is blurred."""
     low, high = _EROSION_PX
     # Where the image border cuts the field, the rim goes on beyond it.
     margin = high + 1
@@ -216,10 +216,10 @@ def _eroded(mask: Mask, smooth: Grey, circle: Circle | None) -> Mask:
         continued[margin:-margin, margin:-margin] = True
         beyond &= continued
     inward = _distance_inside(beyond)[margin:-margin, margin:-margin]
-    levels = [
-        np.median(smooth[ring]) if (ring := (inward > d - 1) & (inward <= d)).any() else 0.0 for d in range(1, 12)
-    ]
-    depth = next((d for d in range(low, high) if levels[d] >= 0.95 * levels[d + 2]), high)
+    rings = [smooth[(inward > d) & (inward <= d + 1)] for d in range(high + 5)]
+    levels = [float(np.median(ring)) if ring.size else 0.0 for ring in rings]
+    # A blurred ring is darker than the trend of the rings inside it; one that is only darker lit follows the trend.
+    depth = next((d for d in range(low, high) if levels[d] >= 0.95 * (2 * levels[d + 2] - levels[d + 4])), high)
     return inward > depth
 
 

@@ -7,7 +7,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-from jaxsfs.cli._terminal import CannotRun
+from jaxsfs.cli._terminal import CannotRun, command_line
 
 # name → module, function, one line for `jaxsfs --help`
 COMMANDS: dict[str, tuple[str, str, str]] = {
@@ -77,6 +77,7 @@ def _run(words: list[str]) -> int:
     import tyro
 
     module, function, _ = COMMANDS[name]
+    command_line.set(shlex.join(["jaxsfs", *words]))
     command = getattr(importlib.import_module(module), function)
     try:
         outcome = tyro.cli(
@@ -89,11 +90,6 @@ def _run(words: list[str]) -> int:
     except SystemExit as stop:  # tyro has printed help (0) or what is wrong with the words (2)
         return stop.code if isinstance(stop.code, int) else _BAD_INPUT
     return outcome if isinstance(outcome, int) else 0
-
-
-def pasteable(words: Sequence[str]) -> str:
-    """The command as a line for a shell."""
-    return shlex.join(["jaxsfs", *words])
 
 
 def _usage() -> str:

@@ -119,8 +119,6 @@ def _record(options: ReconstructOptions, given: _Input, result: Reconstruction, 
     """result.json."""
     settings = given.settings
     albedo = dataclasses.replace(settings.albedo, value=float(result.albedo))
-    values = np.asarray(result.surface.range)[np.asarray(result.surface.valid)].astype(float)
-    lengths = dict(zip(("nearest", "median", "farthest"), np.percentile(values, [0, 50, 100]), strict=True))
     settings_used = {
         "response": settings.response,
         "falloff": settings.falloff,
@@ -139,7 +137,7 @@ def _record(options: ReconstructOptions, given: _Input, result: Reconstruction, 
             "trustworthy": result.status.trustworthy,
         },
         "unit": settings.unit,
-        "figures": {"range": lengths, "photograph": report.as_dict(), "solution": result.statistics.as_dict()},
+        "figures": {"range": _lengths(result), "photograph": report.as_dict(), "solution": result.statistics.as_dict()},
         "options": {name: setting.as_dict() for name, setting in settings_used.items()}
         | {
             name: _given_or_default(options, name)
@@ -149,6 +147,13 @@ def _record(options: ReconstructOptions, given: _Input, result: Reconstruction, 
         "versions": versions(),
         "command": command_line.get(),
     }
+
+
+def _lengths(result: Reconstruction) -> dict[str, float | None]:
+    values = np.asarray(result.surface.range)[np.asarray(result.surface.valid)].astype(float)
+    names = ("nearest", "median", "farthest")
+    found = np.percentile(values, [0, 50, 100]).tolist() if values.size else [None] * len(names)
+    return dict(zip(names, found, strict=True))
 
 
 def _given_or_default(options: ReconstructOptions, name: str) -> dict[str, Any]:

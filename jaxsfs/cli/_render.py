@@ -62,7 +62,7 @@ def render(options: Annotated[RenderOptions, FLAT]) -> int:
     """A photograph of a synthetic scene by an endoscope, with the exact surface behind it.
 
     For example:
-      jaxsfs render colon --half-field 60 --read-noise 0.002 --out view
+      jaxsfs render wavy-wall --half-field 60 --read-noise 0.002 --out view
 
     Writes image.png, range.tiff and normals.tiff (NaN where there is nothing), camera.json with the photometry, and
     scene.json, which renders the same view again: jaxsfs render view/scene.json --camera view/camera.json --out again

@@ -1,0 +1,449 @@
+"""The command line as a user meets it: render, reconstruct, evaluate, rectify, help, provenance, Ctrl-C."""
+
+import json
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from jaxsfs import files
+from jaxsfs.cli import main
+from jaxsfs.cli._main import COMMANDS
+from jaxsfs.reconstruction import Reconstruction
+
+SMALL = ["--width", "96", "--height", "96"]
+WRITTEN = {
+    *("range.tiff", "depth.tiff", "normals.tiff", "mask.png", "mesh.ply", "mesh.glb", "depth.png", "shaded.png"),
+    "result.json",
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    """Compiled programs go to a folder of the tests', not to the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def view(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("rendered") / "view"
+    assert main(["render", "wavy-wall", *SMALL, "--falloff", "cos:1", "--bits", "16", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(view) -> Path:
+    folder = view.parent / "result"
+    assert main(reconstruct(view, folder)) == 0
+    return folder
+
+
+def reconstruct(view: Path, out: Path, *more: str) -> list[str]:
+    return ["reconstruct", str(view / "image.png"), "--camera", str(view / "camera.json"), "--out", str(out), *more]
+
+
+def record(folder: Path) -> dict:
+    return json.loads((folder / "result.json").read_text())
+
+
+def with_photometry(view: Path, path: Path, **photometry) -> Path:
+    """A copy of the view's camera file with other photometry."""
+    camera = json.loads((view / "camera.json").read_text())
+    path.write_text(json.dumps(camera | {"photometry": photometry}))
+    return path
+
+
+def test_what_render_writes(view):
+    assert {p.name for p in view.iterdir()} == {"image.png", "range.tiff", "normals.tiff", "camera.json", "scene.json"}
+    assert cv2.imread(str(view / "image.png"), cv2.IMREAD_UNCHANGED).dtype == np.uint16
+    assert json.loads((view / "camera.json").read_text())["photometry"]["falloff"] == "cos:1"
+
+
+def test_render_again_from_its_own_files(view, tmp_path):
+    words = [
+        "render",
+        str(view / "scene.json"),
+        "--camera",
+        str(view / "camera.json"),
+        "--out",
+        str(tmp_path / "again"),
+    ]
+    assert main(words) == 0
+    for name in ("image.png", "range.tiff", "normals.tiff", "scene.json"):
+        assert (tmp_path / "again" / name).read_bytes() == (view / name).read_bytes()
+
+
+def test_what_reconstruct_writes(result):
+    assert {p.name for p in result.iterdir()} == WRITTEN
+    said = record(result)
+    assert said["status"]["trustworthy"] is True
+    assert said["status"]["name"] == "good"
+    assert said["unit"] == "scene units"
+    assert said["camera"]["model"] == "spherical"
+    assert {"jax", "jaxsfs", "numpy", "python"} <= set(said["versions"])
+    assert said["command"].startswith("jaxsfs reconstruct ")
+    known = np.isfinite(tifffile.imread(result / "range.tiff"))
+    assert known.sum() == said["figures"]["solution"]["valid_pixels"]
+    assert (
+        said["figures"]["range"]["nearest"] < said["figures"]["range"]["median"] < said["figures"]["range"]["farthest"]
+    )
+
+
+def test_the_recorded_command_gives_the_same_result(result, tmp_path):
+    words = shlex.split(record(result)["command"])[1:]
+    words[words.index("--out") + 1] = str(tmp_path / "again")
+    assert main(words) == 0
+    assert (tmp_path / "again/range.tiff").read_bytes() == (result / "range.tiff").read_bytes()
+
+
+def test_evaluate_says_how_it_compared(view, result, capsys):
+    words = ["evaluate", str(result), str(view), "--align", "none", "--camera", str(view / "camera.json")]
+    capsys.readouterr()
+    assert main([*words, "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["abs_rel"] < 2e-3
+    assert said["fraction"] > 0.85
+    assert said["normals"]["mean_deg"] < 2
+    assert (said["align"], said["quantity"], said["scale"]) == ("none", "range", 1.0)
+    assert said["truth"].endswith("range.tiff")
+    assert main(words) == 0
+    table = capsys.readouterr().out
+    assert re.search(r"^alignment +none$", table, re.M)
+    assert re.search(r"^quantity +range$", table, re.M)
+    assert re.search(r"^normals +mean", table, re.M)
+
+
+def test_evaluate_depth_of_folders_and_files(view, result, tmp_path, capsys):
+    camera = ["--camera", str(view / "camera.json")]
+    by_folder = ["evaluate", str(result), str(view), "--quantity", "depth", *camera, "--json"]
+    by_file = ["evaluate", str(result / "depth.tiff"), str(view / "range.tiff"), *by_folder[3:]]
+    capsys.readouterr()
+    outputs = []
+    for words in (by_folder, by_file):
+        assert main(words) == 0
+        outputs.append(json.loads(capsys.readouterr().out))
+    assert outputs[0]["quantity"] == outputs[1]["quantity"] == "depth"
+    assert outputs[0]["abs_rel"] == outputs[1]["abs_rel"]
+    # without a camera a depth is not compared with a range
+    assert main(["evaluate", str(result / "depth.tiff"), str(view / "range.tiff")]) == 2
+    assert "a camera is needed" in capsys.readouterr().err
+
+
+def test_evaluate_a_png_with_its_scale(view, tmp_path, capsys):
+    truth = tifffile.imread(view / "range.tiff")
+    files.write_png(tmp_path / "truth.png", np.nan_to_num(1000 * truth).astype(np.uint16))
+    words = ["evaluate", str(view), str(tmp_path / "truth.png"), "--align", "none", "--json"]
+    capsys.readouterr()
+    assert main([*words, "--truth-scale", "0.001"]) == 0
+    assert json.loads(capsys.readouterr().out)["abs_rel"] < 1e-3
+    assert main(words) == 2
+    assert "whole numbers" in capsys.readouterr().err
+
+
+def test_rectify(view, tmp_path, capsys):
+    words = ["rectify", str(view / "image.png"), "--camera", str(view / "camera.json"), "--half-field", "40"]
+    capsys.readouterr()
+    assert main([*words, "--out", str(tmp_path / "flat.png"), "--json"]) == 0
+    target = json.loads(capsys.readouterr().out)
+    assert target["model"] == "perspective"
+    assert target["fx"] == pytest.approx(48 / np.tan(np.deg2rad(40)), rel=1e-5)
+    before = cv2.imread(str(view / "image.png"), cv2.IMREAD_UNCHANGED)
+    after = cv2.imread(str(tmp_path / "flat.png"), cv2.IMREAD_UNCHANGED)
+    assert after.dtype == np.uint16
+    assert after.shape == before.shape
+    np.testing.assert_allclose(after[46:50, 46:50], before[46:50, 46:50], rtol=0.02)
+    assert (after[48, :3] > 0).all()  # 40 degrees at the border, 50 in the photograph
+
+
+def test_json_goes_to_stdout_and_is_the_file(view, tmp_path, capsys):
+    capsys.readouterr()
+    assert main(reconstruct(view, tmp_path / "out", "--json", "--order", "1")) == 0
+    said = capsys.readouterr()
+    assert said.out == (tmp_path / "out/result.json").read_text()
+    assert said.err == ""
+
+
+def test_the_summary_says_what_was_assumed(view, tmp_path, capsys):
+    capsys.readouterr()
+    assert main(reconstruct(view, tmp_path / "out", "--reflectance", "power:1", "--order", "1")) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"response +srgb \(camera file\)", text)
+    assert re.search(r"reflectance +power:1 \(command line\)", text)
+    assert re.search(r"channel +luminance \(default\)", text)
+    assert re.search(r"mask +round field of .* \(automatic\)", text)
+
+
+def test_an_existing_result_is_kept_without_force(view, result, capsys):
+    before = (result / "result.json").read_bytes()
+    assert main(reconstruct(view, result, "--order", "1")) == 2
+    assert "overwrite it (--force)" in capsys.readouterr().err
+    assert (result / "result.json").read_bytes() == before
+
+
+class TestProvenance:
+    """Command line beats camera file beats default; each value says where it came from."""
+
+    def options(self, view, tmp_path, *more, **photometry):
+        camera = with_photometry(view, tmp_path / "camera.json", **photometry)
+        words = ["reconstruct", str(view / "image.png"), "--camera", str(camera), "--out", str(tmp_path / "out")]
+        assert main([*words, "--order", "1", "--force", *more]) in (0, 3)
+        said = record(tmp_path / "out")
+        return {name: (entry["value"], entry["origin"]) for name, entry in said["options"].items()} | {
+            "unit": said["unit"]
+        }
+
+    def test_defaults(self, view, tmp_path):
+        options = self.options(view, tmp_path)
+        assert options["response"] == ("linear", "automatic (uint16 image)")
+        assert options["falloff"] == ("none", "default")
+        assert options["reflectance"] == ("lambertian", "default")
+        assert options["channel"] == ("luminance", "default")
+        assert options["albedo"] == (1.0, "default: the surface is known up to one scale factor")
+        assert options["mask"][1] == "automatic"
+        assert options["initial"] == ("deadline", "default")
+
+    def test_the_camera_file(self, view, tmp_path):
+        photometry = {"response": "gamma:2.2", "falloff": "exp:1", "reflectance": "power:0.65", "gain_albedo": 2.5}
+        options = self.options(view, tmp_path, **photometry, unit="mm")
+        for name in ("response", "falloff", "reflectance"):
+            assert options[name] == (photometry[name], "camera file")
+        assert options["albedo"] == (2.5, "camera file")
+        assert options["unit"] == "mm"
+
+    def test_the_command_line(self, view, tmp_path):
+        given = {"response": "srgb", "falloff": "none", "reflectance": "power:0.8", "channel": "green"}
+        words = [word for name, text in given.items() for word in (f"--{name}", text)]
+        photometry = {"response": "gamma:2.2", "falloff": "exp:1", "reflectance": "power:0.65", "gain_albedo": 2.5}
+        options = self.options(view, tmp_path, *words, **photometry)
+        for name, text in given.items():
+            assert options[name] == (text, "command line")
+        # the product was measured for luminance and says nothing about green
+        assert options["albedo"][1].startswith("default")
+
+    def test_auto_on_the_command_line_beats_the_camera_file(self, view, tmp_path):
+        options = self.options(view, tmp_path, "--response", "auto", response="gamma:2.2")
+        assert options["response"] == ("linear", "automatic (uint16 image)")
+
+    def test_albedo(self, view, tmp_path):
+        options = self.options(view, tmp_path, "--albedo", "4", gain_albedo=2.5)
+        assert options["albedo"] == (4.0, "command line")
+
+    def test_a_mask_file(self, view, tmp_path):
+        mask = np.zeros((96, 96), np.uint8)
+        mask[30:60, 30:70] = 1
+        files.write_png(tmp_path / "mask.png", mask)
+        options = self.options(view, tmp_path, "--mask", str(tmp_path / "mask.png"))
+        assert options["mask"] == (f"{tmp_path}/mask.png, 13% of the image", "command line")
+        assert np.isfinite(tifffile.imread(tmp_path / "out/range.tiff")).sum() == 30 * 40
+
+    @pytest.mark.parametrize(
+        ("photometry", "message"),
+        [
+            ({"response": 2.2}, "'response' must be a text such as 'srgb', got 2.2"),
+            ({"falloff": "cosine"}, "falloff 'cosine' is unknown"),
+            ({"gain_albedo": -1}, "'gain_albedo' must be a positive number, got -1"),
+            ({"gain_albedo": 1, "unit": "cm"}, "'unit' must be mm or scene units, got 'cm'"),
+        ],
+    )
+    def test_bad_photometry_names_file_and_key(self, view, tmp_path, capsys, photometry, message):
+        camera = with_photometry(view, tmp_path / "camera.json", **photometry)
+        words = ["reconstruct", str(view / "image.png"), "--camera", str(camera), "--out", str(tmp_path / "out")]
+        assert main(words) == 2
+        said = capsys.readouterr().err
+        assert "camera.json" in said
+        assert message in said
+
+
+def test_a_known_range_sets_the_scale(view, result, tmp_path):
+    assert main(reconstruct(view, tmp_path / "out", "--known-range", "40,50,12.5")) == 0
+    scaled, plain = tifffile.imread(tmp_path / "out/range.tiff"), tifffile.imread(result / "range.tiff")
+    assert scaled[50, 40] == pytest.approx(12.5, rel=1e-6)
+    ratio = scaled / plain
+    assert np.nanmax(ratio) / np.nanmin(ratio) == pytest.approx(1, abs=1e-3)
+    assert record(tmp_path / "out")["unit"] == "mm"
+    assert b"comment unit mm" in (tmp_path / "out/mesh.ply").read_bytes()[:400]
+
+
+@pytest.mark.parametrize(
+    ("solver", "form"),
+    [
+        ("sweeping", "singular-point"),
+        ("sweeping", "singular-point:48,48"),
+        ("sweeping", "singular-point:48,48,{range}"),
+        ("sweeping", "threshold:{bright}"),
+        ("level-set", "curve:{mask},{range}"),
+    ],
+)
+def test_initial_conditions(view, result, tmp_path, solver, form):
+    """From other initial curves the surface near them is that of the deadlines."""
+    plain = tifffile.imread(result / "range.tiff")
+    mask = np.zeros((96, 96), np.uint8)
+    mask[48, 48] = 255
+    files.write_png(tmp_path / "mask.png", mask)
+    bright = 0.9 * record(result)["figures"]["photograph"]["largest"]
+    form = form.format(mask=tmp_path / "mask.png", range=plain[48, 48], bright=bright)
+    words = ["--initial", form, "--solver", solver, "--order", "1", "--json"]
+    assert main(reconstruct(view, tmp_path / "out", *words)) in (0, 3)
+    assert record(tmp_path / "out")["options"]["initial"] == {"value": form, "origin": "command line"}
+    found = tifffile.imread(tmp_path / "out/range.tiff")
+    near = np.s_[45:52, 45:52]
+    np.testing.assert_allclose(found[near], plain[near], rtol=0.03)
+
+
+def test_double_precision(view, result, tmp_path):
+    assert main(reconstruct(view, tmp_path / "out", "--precision", "64")) == 0
+    np.testing.assert_allclose(
+        tifffile.imread(tmp_path / "out/range.tiff"), tifffile.imread(result / "range.tiff"), rtol=1e-3
+    )
+
+
+def test_a_distant_light_with_heights(tmp_path):
+    assert main(["render", "vase", "--width", "64", "--height", "64", "--out", str(tmp_path / "vase")]) == 0
+    z = tifffile.imread(tmp_path / "vase/range.tiff")
+    v, u = np.unravel_index(np.nanargmin(z), z.shape)
+    (tmp_path / "heights.csv").write_text(f"u,v,z\n{u},{v},{z[v, u]}\n")
+    words = ["--light", "distant", "--heights", str(tmp_path / "heights.csv")]
+    assert main(reconstruct(tmp_path / "vase", tmp_path / "out", *words)) in (0, 3)
+    assert tifffile.imread(tmp_path / "out/range.tiff")[v, u] == pytest.approx(z[v, u], abs=1e-3)
+    assert record(tmp_path / "out")["options"]["initial"]["value"].startswith("heights:")
+
+
+def test_a_result_that_is_not_to_be_trusted_is_written_with_exit_code_3(view, tmp_path, capsys):
+    """Two rows of pixels are no surface."""
+    mask = np.zeros((96, 96), np.uint8)
+    mask[48, 40:46] = 255
+    files.write_png(tmp_path / "mask.png", mask)
+    assert main(reconstruct(view, tmp_path / "out", "--mask", str(tmp_path / "mask.png"))) == 3
+    assert record(tmp_path / "out")["status"] == {
+        "name": "few-pixels",
+        "message": "Too few valid pixels for a surface: check the mask and the exposure.",
+        "trustworthy": False,
+    }
+    assert "check the mask" in capsys.readouterr().out
+    assert {p.name for p in (tmp_path / "out").iterdir()} == WRITTEN
+
+
+class TestHelp:
+    @pytest.mark.parametrize("words", [["--help"], ["-h"], ["help"]])
+    def test_lists_the_commands(self, words, capsys):
+        assert main(words) == 0
+        text = capsys.readouterr().out
+        assert all(f"  {name} " in text for name in COMMANDS)
+        assert "exit codes: 0 good, 2 bad input, 3" in text
+
+    def test_nothing_at_all_is_bad_input(self, capsys):
+        assert main([]) == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert "usage: jaxsfs" in said.err
+
+    def test_version(self, capsys):
+        assert main(["--version"]) == 0
+        assert re.fullmatch(r"jaxsfs \d+\.\d+\S*\n", capsys.readouterr().out)
+
+    def test_a_misspelt_command(self, capsys):
+        assert main(["reconstuct"]) == 2
+        assert capsys.readouterr().err == (
+            "jaxsfs: error: there is no command 'reconstuct'; did you mean 'reconstruct'? (jaxsfs --help)\n"
+        )
+
+    @pytest.mark.parametrize("name", COMMANDS)
+    def test_every_example_runs_as_pasted(self, name, capsys, tmp_path, monkeypatch):
+        assert main([name, "--help"]) == 0
+        lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+        pasted = [shlex.split(line)[1:] for line in lines if line.startswith("jaxsfs ")]
+        assert pasted
+        assert pasted[-1][0] == name
+        monkeypatch.chdir(tmp_path)
+        for words in pasted:
+            # smaller than a user's, to save time
+            assert main(words + (SMALL if words[0] == "render" else [])) == 0
+
+    def test_the_examples_of_the_first_page_run_too(self, capsys, tmp_path, monkeypatch):
+        main(["--help"])
+        examples = capsys.readouterr().out.split("example:")[1].split("exit codes")[0].strip().splitlines()
+        assert len(examples) == 3
+        monkeypatch.chdir(tmp_path)
+        for line in examples:
+            words = shlex.split(line)[1:]
+            assert main(words + (SMALL if words[0] == "render" else [])) == 0
+
+    def test_needs_no_jax(self):
+        """What makes the help fast."""
+        code = "import sys, jaxsfs.cli as c; c.main(['--help']); c.main(['reconstruct', '--help'])"
+        code += "; print('jax' in sys.modules, 'cv2' in sys.modules)"
+        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert run.stdout.endswith("False False\n")
+
+
+class TestInterrupted:
+    @pytest.mark.parametrize("step", ["solve", "files.write_surface", "files.write_json"])
+    def test_nothing_remains(self, view, tmp_path, monkeypatch, capsys, step):
+        def stop(*_, **__):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(f"jaxsfs.cli._pipeline.{step}", stop)
+        assert main(reconstruct(view, tmp_path / "deep/out")) == 130
+        assert list(tmp_path.iterdir()) == []
+        assert capsys.readouterr().err == "jaxsfs: interrupted; nothing was written\n"
+
+    def test_an_earlier_result_stays(self, view, result, tmp_path, monkeypatch):
+        shutil.copytree(result, tmp_path / "out")
+
+        def stop(folder, *_):
+            (folder / "range.tiff").write_bytes(b"half")
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("jaxsfs.cli._pipeline.files.write_surface", stop)
+        assert main(reconstruct(view, tmp_path / "out", "--force")) == 130
+        assert [p.name for p in tmp_path.iterdir()] == ["out"]
+        assert all((tmp_path / "out" / p.name).read_bytes() == p.read_bytes() for p in result.iterdir())
+
+    def test_by_a_real_signal(self, view, tmp_path):
+        words = [sys.executable, "-m", "jaxsfs.cli", *reconstruct(view, tmp_path / "out")]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            deadline = time.monotonic() + 60
+            while not list(tmp_path.iterdir()) and time.monotonic() < deadline:  # the folder it stages
+                time.sleep(0.05)
+            assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=60)
+        assert process.returncode == 130
+        assert said == "jaxsfs: interrupted; nothing was written\n"
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_the_result_is_the_same_as_in_python(view, result):
+    """The command line adds nothing to the library."""
+    import jax
+
+    from jaxsfs.cli._pipeline import solve
+    from jaxsfs.photo import clipping_limit, irradiance_of
+    from jaxsfs.photometry import parse_falloff, parse_response
+
+    photo = files.read_image(view / "image.png")
+    given = files.read_camera(view / "camera.json")
+    with jax.enable_x64(False):
+        irradiance, _ = irradiance_of(
+            photo.values,
+            given.camera,
+            valid=files.read_mask(result / "mask.png"),
+            response=parse_response("srgb"),
+            falloff=parse_falloff("cos:1"),
+            clip_limit=clipping_limit(photo.dtype),
+        )
+        found = solve(irradiance, given.camera, albedo=given.photometry["gain_albedo"])
+    assert isinstance(found, Reconstruction)
+    stored = tifffile.imread(result / "range.tiff")
+    np.testing.assert_allclose(np.where(found.surface.valid, found.surface.range, np.nan), stored, rtol=1e-5)
