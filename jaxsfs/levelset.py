@@ -58,7 +58,7 @@ def propagate(
     inside = inside & carried
     stencil = _Stencil(weights, inside, offsets, order)
     crossing = jnp.sqrt(jnp.sum(weights, axis=0))
-    lengths = jnp.where(inside, _ring_lengths(inverse_metric), _FAR)
+    lengths = jnp.where(inside[None], _ring_lengths(inverse_metric), _FAR)
     due = jnp.where(inside, jnp.minimum(jnp.minimum(shading.deadline(), known), end + _FAR), end + _FAR)
 
     def step(state, n):
@@ -76,7 +76,9 @@ def propagate(
         new = w + ds * first
         if order == 2:
             new = w + 0.5 * ds * (first + delay(jnp.minimum(new, due), s + ds))
-        new = _straight_paths(jnp.minimum(new, due), 1 / shading.speed(w), inside, lengths)
+        # without a deadline a pixel has no expected arrival until a straight path gives it one
+        expected = jnp.where(w < end + 0.5 * _FAR, jnp.minimum(new, due), w)
+        new = _between(expected, w, due, 1 / shading.speed(w), inside, lengths)
         w = jnp.where(waiting, new, w)
         return (w, reached | (waiting & (w <= s + ds)), s + ds), jnp.any(waiting)
 
@@ -102,21 +104,25 @@ def _step_length(speed, crossing, waiting, w, s, end, n, steps):
     return jnp.where(jnp.any(waiting), jnp.maximum(wanted, least), 0)
 
 
-def _straight_paths(w, slowness, inside, lengths):
-    """w, but no later than along a straight path from any of the eight neighbours."""
+def _between(new, w, due, slowness, inside, lengths):
+    """`new` within what causality allows: not before the earliest of the eight neighbours (unless the pixel is a
+    source itself), and no later than along a straight path from any of them."""
     times = jnp.pad(jnp.where(inside, w, 2 * _FAR), 1, constant_values=2 * _FAR)
     slow = jnp.pad(slowness, 1)
+    earliest, latest = due, new
     for (du, dv), length in zip(_RING, jnp.concatenate([lengths, lengths]), strict=True):
+        time = _window(times, 1, (du, dv), w.shape)
         mean = 0.5 * (slowness + _window(slow, 1, (du, dv), w.shape))
-        w = jnp.minimum(w, _window(times, 1, (du, dv), w.shape) + length * mean)
-    return w
+        earliest = jnp.minimum(earliest, time)
+        latest = jnp.minimum(latest, time + length * mean)
+    return jnp.maximum(latest, earliest)
 
 
 def _ring_lengths(g):
     """Length of the first four offsets of `_RING` in the metric g_ij, from its inverse."""
     determinant = g[..., 0, 0] * g[..., 1, 1] - g[..., 0, 1] ** 2
     squares = [g[..., 1, 1] * du**2 - 2 * g[..., 0, 1] * du * dv + g[..., 0, 0] * dv**2 for du, dv in _RING[:4]]
-    return jnp.sqrt(jnp.stack(squares) / determinant)
+    return jnp.sqrt(jnp.stack(squares) / determinant[None])
 
 
 class _Stencil(eqx.Module):

@@ -238,7 +238,7 @@ def _misfit(surface: Surface, irradiance: Irradiance, albedo, reflectance, dista
     expected = (
         albedo * reflectance(jnp.clip(cosines, 0, 1)) / jnp.where(distant | ~surface.valid, 1, surface.range) ** 2
     )
-    mean = jnp.sum(jnp.where(ok, irradiance.values, 0)) / jnp.maximum(jnp.sum(ok), 1)
+    mean = jnp.mean(irradiance.values, where=ok)
     return jnp.abs(expected - irradiance.values) / mean, ok
 
 

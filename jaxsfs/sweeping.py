@@ -50,7 +50,7 @@ class _Frame(eqx.Module):
         return _Frame(self.g22.T, self.g12.T, self.g11.T, self.top.T, self.free.T)
 
 
-@partial(jax.jit, static_argnames=("order", "max_rounds"))
+@partial(jax.jit, static_argnames=("order", "max_rounds", "tolerance"))
 def sweep(
     shading: AbstractShading,
     inverse_metric: Float[Array, "height width 2 2"],
@@ -95,7 +95,7 @@ def sweep(
 
     def proceed(state):
         _, _, rounds, change, settled_at = state
-        return (rounds < max_rounds) & ~((change < tolerance) & (rounds > settled_at))
+        return (rounds < max_rounds) & ~((change < tolerance) & (rounds > settled_at + 1))
 
     def body(state):
         v, owner, rounds, _, settled_at = state
