@@ -21,6 +21,8 @@ _MUCH_STEEPER = 3.0  # … and taken where the rim is this much steeper there, w
 _NOT_MUCH_SMALLER = 0.75  # … and the region this large at least
 _KINK = 1.6  # the step over the rim, over that just outside it; a corner that vignetting darkens has about 1
 _EROSION_PX = (2, 8)
+_BAY_DEPTH = 0.2  # of its length
+_SMALLEST_BAY = 0.0005  # share of the image
 
 Grey = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
@@ -83,10 +85,14 @@ def _region_brighter_than(threshold: float, smooth: Grey) -> Mask:
     """The largest region above `threshold`, with its holes."""
     # Opening takes away noise, and the letters that machines write into the border.
     bright = cv2.morphologyEx((smooth > threshold).astype(np.uint8), cv2.MORPH_OPEN, _disc(2))
-    count, labels, statistics, _ = cv2.connectedComponentsWithStats(bright, connectivity=4)
+    return _filled(_largest_region(bright > 0))
+
+
+def _largest_region(mask: Mask) -> Mask:
+    count, labels, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
     if count < 2:
-        return np.zeros(smooth.shape, bool)
-    return _filled(labels == 1 + int(np.argmax(statistics[1:, cv2.CC_STAT_AREA])))
+        return np.zeros(mask.shape, bool)
+    return labels == 1 + int(np.argmax(statistics[1:, cv2.CC_STAT_AREA]))
 
 
 def _without_glow(lit: Mask, thresholds: list[float], smooth: Grey) -> Mask:
@@ -136,7 +142,7 @@ def _bands(smooth: Grey, region: Mask, distances: tuple[int, int]) -> np.ndarray
 
 
 def _shaped(lit: Mask) -> tuple[Mask, Shape, Circle | None]:
-    """The field with the dents that dark tissue at the rim leaves filled up, what it looks like, and its circle."""
+    """The field with the bays that dark tissue leaves in its rim filled up, what it looks like, and its circle."""
     contour = max(cv2.findContours(lit.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
     hull_points = cv2.convexHull(contour)
     hull = _polygon(hull_points, lit.shape)
@@ -147,11 +153,29 @@ def _shaped(lit: Mask) -> tuple[Mask, Shape, Circle | None]:
     rim = _off_image_border(_polygon_rim(hull), lit.shape)
     circle = _circle(rim)
     if circle is None:
-        return hull, "irregular", None
+        return lit | _bays(lit, hull), "irregular", None
     centre, radius, misfit = circle
     if misfit < min(_polygon_misfit(hull_points, rim), 0.02 * radius):
-        return lit | (hull & _disc_mask((centre, radius + 1), lit.shape)), "round", (centre, radius + 1)
-    return hull, "straight-sided", None
+        inside = _disc_mask((centre, radius + 1), lit.shape)
+        return lit | _bays(lit, hull & inside), "round", (centre, radius + 1)
+    return lit | _bays(lit, hull), "straight-sided", None
+
+
+def _bays(lit: Mask, hull: Mask) -> Mask:
+    """The deep parts of `hull` that are not lit: a lumen at the rim. Where the rim itself is hollow, as after a lens's
+    distortion was removed, the dent is shallow, and it shows nothing."""
+    count, labels, statistics, _ = cv2.connectedComponentsWithStats((hull & ~lit).astype(np.uint8), connectivity=4)
+    depth = _distance_inside(hull)
+    bays = np.zeros(lit.shape, bool)
+    for label in range(1, count):
+        left, top, width, height, area = statistics[label]
+        if area < _SMALLEST_BAY * lit.size:
+            continue
+        box = np.s_[top : top + height, left : left + width]
+        region = labels[box] == label
+        if depth[box][region].max() > _BAY_DEPTH * np.hypot(width, height):
+            bays[box] |= region
+    return bays
 
 
 def _polygon(points: np.ndarray, shape: tuple[int, ...]) -> Mask:
@@ -220,7 +244,7 @@ def _eroded(mask: Mask, smooth: Grey, circle: Circle | None) -> Mask:
     levels = [float(np.median(ring)) if ring.size else 0.0 for ring in rings]
     # A blurred ring is darker than the trend of the rings inside it; one that is only darker lit follows the trend.
     depth = next((d for d in range(low, high) if levels[d] >= 0.95 * (2 * levels[d + 2] - levels[d + 4])), high)
-    return inward > depth
+    return _largest_region(inward > depth)
 
 
 def _disc_mask(circle: Circle, shape: tuple[int, ...]) -> Mask:

@@ -50,7 +50,7 @@ def overlap(a, b):
 def test_finds_round_and_octagonal_fields(field, shape, border):
     found = find_field(picture(field, border=border))
     assert found.shape == shape
-    assert overlap(found.mask, field) > 0.92
+    assert overlap(found.mask, field) > 0.91
     assert (found.mask & ~field).sum() <= 2  # nothing of the border or its blurred edge
     assert found.share == pytest.approx(found.mask.mean())
     assert found.description.startswith(f"{shape} field of")
@@ -75,12 +75,21 @@ def test_a_notch_stays_as_it_is():
     assert not (found.mask & ~cv2.dilate(outward.astype(np.uint8), np.ones((3, 3))).astype(bool)).any()
 
 
-@pytest.mark.parametrize("centre", [(160, 120), (230, 110)])
+@pytest.mark.parametrize("centre", [(160, 120), (245, 110), (160, 25)])
 def test_keeps_a_dark_lumen(centre):
     """A black lumen in the middle, and one at the rim that is connected to the border."""
     field = disc(110)
     photo = picture(field) * ~disc(30, centre)[..., None]
     assert overlap(find_field(photo).mask, field) > 0.93
+
+
+def test_a_hollow_rim_is_followed():
+    """A round field after its distortion was removed: the upper border bends inwards."""
+    v, u = np.indices(SIZE)
+    field = disc(105) & (v > 60 - ((u - 160) / 20) ** 2)
+    found = find_field(picture(field, border=4 / 255, noise=0.002))
+    assert (found.mask & ~field).sum() <= 2
+    assert overlap(found.mask, field) > 0.91
 
 
 def test_letters_in_the_border_are_no_field():
@@ -95,7 +104,7 @@ def test_a_glowing_border_is_no_field():
     glow = cv2.GaussianBlur(field.astype(np.float32), (0, 0), 12)[..., None] * np.float32(0.09)
     found = find_field(np.maximum(picture(field, border=16 / 255, noise=0.004), 16 / 255 + glow))
     assert not (found.mask & ~disc(83)).any()
-    assert overlap(found.mask, field) > 0.92
+    assert overlap(found.mask, field) > 0.91
 
 
 @pytest.mark.parametrize("strength", [0.0, 2.0, 6.0])
