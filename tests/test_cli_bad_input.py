@@ -16,8 +16,8 @@ CAMERA = {"model": "perspective", "fx": 30, "fy": 30, "cx": 19.5, "cy": 15.5, "w
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path_factory, monkeypatch):
-    """Compiled programs go to a folder of the tests', not to the user's."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+    """Compiled programs go to a folder that the tests' processes share, not to the user's."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
 
 
 @pytest.fixture
@@ -116,7 +116,8 @@ def test_one_pixel(work, capsys):
     assert np.isnan(tifffile.imread("out/range.tiff")).all()
 
 
-@pytest.mark.parametrize("shape", [(1, 40), (3, 3)])
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [(1, 40), (2, 2), (3, 3)])
 def test_tiny_pictures_never_end_in_a_traceback(work, shape, capsys):
     cv2.imwrite("tiny.png", np.full(shape, 120, np.uint8))
     (work / "tiny.json").write_text(json.dumps(CAMERA | {"width": shape[1], "height": shape[0], "cx": 1, "cy": 1}))
@@ -299,6 +300,8 @@ class TestOtherCommands:
             (["render", "cave", "--out", "out"], "scene 'cave' is unknown; write one of: ball"),
             (["render", "random:x", "--out", "out"], "scene 'random:x' is unknown"),
             (["render", "scene.json", "--out", "out"], "there is no file scene.json"),
+            (["render", "effects.json", "--out", "out"], "got 'shine': 'a lot'"),
+            (["render", "plane", "--camera", "photometry.json", "--out", "out"], "'response' must be a text"),
             (["render", "plane", "--half-field", "95", "--out", "out"], "half_field_deg must lie between 0 and 90"),
             (
                 ["render", "plane", "--camera", "camera.json", "--width", "9", "--out", "out"],
@@ -315,6 +318,8 @@ class TestOtherCommands:
         ],
     )
     def test_refused_in_one_line(self, work, capsys, words, part):
+        (work / "effects.json").write_text(json.dumps({"name": "plane", "effects": {"shine": "a lot"}}))
+        (work / "photometry.json").write_text(json.dumps(CAMERA | {"photometry": {"response": 2.2}}))
         assert main(words) == 2
         check_refused(work, capsys, part)
 

@@ -46,7 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        return _run(words)
+        code = _run(words)
+        sys.stdout.flush()  # so that a broken pipe shows here
+        return code
     except KeyboardInterrupt:
         print("jaxsfs: interrupted; nothing was written", file=sys.stderr)
         return _INTERRUPTED

@@ -44,7 +44,7 @@ def photometric(options: ReconstructOptions, file: CameraFile, photo: Photo) -> 
     Raises InputError that names the source and the key of a value that cannot be used.
     """
     given = {name: getattr(options, name) for name in _PARSERS}
-    sources: list[Source] = [(COMMAND_LINE, given), (CAMERA_FILE, _from_camera(file, options.camera))]
+    sources: list[Source] = [(COMMAND_LINE, given), (CAMERA_FILE, photometry_texts(file, options.camera))]
     settings = {name: choose(name, sources, Setting(text, DEFAULT)) for name, text in _DEFAULTS.items()}
     settings["response"] = _response(sources, photo)
     for name, setting in settings.items():
@@ -57,7 +57,8 @@ def photometric(options: ReconstructOptions, file: CameraFile, photo: Photo) -> 
     return Photometric(**settings, albedo=albedo, unit=unit)
 
 
-def _from_camera(file: CameraFile, path: Path) -> dict[str, str]:
+def photometry_texts(file: CameraFile, path: Path) -> dict[str, str]:
+    """The texts of the camera file's photometry that are given. Raises InputError for one that is no text."""
     texts = {name: file.photometry.get(name) for name in _PARSERS}
     for name, text in texts.items():
         if text is not None and not isinstance(text, str):

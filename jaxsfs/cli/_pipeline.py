@@ -5,7 +5,7 @@ import time
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from jaxsfs import files
 from jaxsfs.camera import CameraFile, camera_to_dict
@@ -16,6 +16,7 @@ from jaxsfs.cli._settings import COMMAND_LINE, DEFAULT, Setting
 from jaxsfs.cli._summary import summary
 from jaxsfs.cli._terminal import command_line, progress, versions
 from jaxsfs.field import find_field
+from jaxsfs.initial import AbstractInitial
 from jaxsfs.photo import PhotoReport, clipping_limit, irradiance_of, size_message
 from jaxsfs.reconstruction import Reconstruction, scaled_to
 from jaxsfs.reconstruction import reconstruct as solve
@@ -32,6 +33,8 @@ class _Input:
     valid: Bool[np.ndarray, "height width"]
     mask: Setting
     settings: Photometric
+    initial: AbstractInitial
+    known_range: tuple[tuple[int, int], float] | None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -65,13 +68,31 @@ def _read(options: ReconstructOptions) -> _Input:
     if (file.camera.width, file.camera.height) != (width, height):
         raise files.InputError(size_message(str(options.image), (width, height), file.camera))
     settings = photometric(options, file, photo)
+    known = None if options.known_range is None else parse_known_range(options.known_range, (width, height))
+    initial = (
+        parse_initial(_initial(options).value, (width, height))
+        if options.heights is None
+        else read_heights(options.heights, (width, height))
+    )
+    mask, origin = _mask(options, photo, settings.response.value)
+    return _Input(file, photo, photo.valid & mask, origin, settings, initial, known)
+
+
+def _mask(
+    options: ReconstructOptions, photo: files.Photo, response: str
+) -> tuple[Bool[np.ndarray, "height width"], Setting]:
     if options.mask is None:
-        field = find_field(photo.values)
-        return _Input(file, photo, photo.valid & field.mask, Setting(field.description, "automatic"), settings)
+        field = find_field(_as_seen(photo.values) if response == "linear" else photo.values)
+        return field.mask, Setting(field.description, "automatic")
     mask = files.read_mask(options.mask)
-    check_mask_size(options.mask, mask.shape, (width, height))
-    words = f"{options.mask}, {mask.mean():.0%} of the image"
-    return _Input(file, photo, photo.valid & mask, Setting(words, COMMAND_LINE), settings)
+    check_mask_size(options.mask, mask.shape, (photo.valid.shape[1], photo.valid.shape[0]))
+    return mask, Setting(f"{options.mask}, {mask.mean():.0%} of the image", COMMAND_LINE)
+
+
+def _as_seen(linear: Float[np.ndarray, "height width *channels"]) -> Float[np.ndarray, "height width *channels"]:
+    """Linear light of any scale as a display would show it: what is dark to the eye is what a border is told by."""
+    white = max(float(np.percentile(linear, 99.9)), float(np.finfo(np.float32).tiny))
+    return np.clip(linear / white, 0, 1).astype(np.float32) ** np.float32(1 / 2.2)
 
 
 def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction, PhotoReport]:
@@ -86,10 +107,6 @@ def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction,
         smooth_px=options.smooth,
         clip_limit=clipping_limit(given.photo.dtype),
     )
-    if options.heights is not None:
-        initial = read_heights(options.heights, given.size)
-    else:
-        initial = parse_initial(_initial(options).value, given.size)
     result = solve(
         irradiance,
         camera,
@@ -98,12 +115,11 @@ def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction,
         light=options.light,
         solver=options.solver,
         order=options.order,
-        initial=initial,
+        initial=given.initial,
         concave=options.concave,
     )
-    if options.known_range is not None:
-        pixel, distance = parse_known_range(options.known_range, given.size)
-        result = scaled_to(result, pixel, distance)
+    if given.known_range is not None:
+        result = scaled_to(result, *given.known_range)
     return result, report
 
 

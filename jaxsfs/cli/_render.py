@@ -4,12 +4,15 @@ import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import jax_session, progress
+from jaxsfs.cli._terminal import CannotRun, jax_session, progress
+
+if TYPE_CHECKING:
+    from jaxsfs.camera import AbstractCamera
 
 # options that scene.json records, so that it renders the same sample again
 _EFFECTS = ("shine", "lobe", "blur_px", "read_noise", "shot_noise", "seed", "bits", "half_field_deg")
@@ -73,6 +76,31 @@ def render(options: Annotated[RenderOptions, FLAT]) -> int:
     return 0
 
 
+def _camera(options: RenderOptions) -> tuple["AbstractCamera | None", dict[str, str]]:
+    """The camera of the command line, if there is one, and its photometry."""
+    from jaxsfs.cli._photometric import photometry_texts
+    from jaxsfs.files import InputError, read_camera
+
+    if options.camera is None:
+        return None, {}
+    if not (options.width is None and options.height is None):
+        raise InputError("--width and --height are for a view without --camera; the camera file has a size")
+    file = read_camera(options.camera)
+    return file.camera, photometry_texts(file, options.camera)
+
+
+def _recorded_effects(scene: Mapping[str, Any], path: Path) -> dict[str, float | int]:
+    """The effects that a scene.json was made with."""
+    effects = scene.get("effects") or {}
+    if not isinstance(effects, Mapping):
+        raise CannotRun(f"{path}: 'effects' must be an object such as {{\"shine\": 0.2}}, got {effects!r}")
+    for name, number in effects.items():
+        whole = name in ("seed", "bits")
+        if name not in _EFFECTS or isinstance(number, bool) or not isinstance(number, int if whole else int | float):
+            raise CannotRun(f"{path}: 'effects' holds numbers for {', '.join(_EFFECTS)}; got {name!r}: {number!r}")
+    return dict(effects)
+
+
 def _write_view(options: RenderOptions) -> None:
     from data_synth import render_scene
     from jaxsfs import files
@@ -80,18 +108,15 @@ def _write_view(options: RenderOptions) -> None:
     with files.output_folder(options.out, force=options.force) as folder:
         path = Path(options.scene)
         scene: str | Mapping[str, Any] = files.read_json(path) if path.suffix == ".json" else options.scene
-        file = None if options.camera is None else files.read_camera(options.camera)
-        if file is not None and not (options.width is None and options.height is None):
-            raise files.InputError("--width and --height are for a view without --camera; the camera file has a size")
+        camera, photometry = _camera(options)
         progress(f"rendering {options.scene}")
-        recorded = {} if isinstance(scene, str) else scene.get("effects") or {}
-        photometry = {} if file is None else file.photometry
+        recorded = {} if isinstance(scene, str) else _recorded_effects(scene, path)
         given = {name: getattr(options, name) for name in ("width", "height", *_EFFECTS, *_PHOTOMETRY)}
         for names, source in ((_EFFECTS, recorded), (_PHOTOMETRY, photometry)):
             for name in names:
                 given[name] = source.get(name) if given[name] is None else given[name]
         chosen = {name: value for name, value in given.items() if value is not None}
-        sample = render_scene(scene, camera=None if file is None else file.camera, **chosen)
+        sample = render_scene(scene, camera=camera, **chosen)
         files.write_png(folder / "image.png", sample.photo.stored)
         files.write_tiff(folder / "range.tiff", sample.range, sample.valid, description="range, scene units")
         files.write_tiff(
