@@ -76,7 +76,7 @@ _HOME = {
     "jaxsfs.files": ("InputError", "read_camera", "read_image", "read_map", "read_mask", "write_camera"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
-__all__ = tuple(sorted(_MODULE_OF))
+__all__ = tuple(sorted(_MODULE_OF))  # pyright: ignore[reportUnsupportedDunderAll]
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:  # what the table says, for editors and type checkers
