@@ -126,6 +126,15 @@ def test_evaluate_says_how_it_compared(view, result, capsys):
     assert re.search(r"^normals +mean", table, re.M)
 
 
+def test_evaluate_with_damaged_normals(view, result, tmp_path, capsys):
+    shutil.copytree(view, tmp_path / "view")
+    (tmp_path / "view/normals.tiff").write_bytes(b"II*\0damaged")
+    camera = ["--camera", str(view / "camera.json")]
+    assert main(["evaluate", str(result), str(tmp_path / "view"), *camera]) == 2
+    assert "normals.tiff" in capsys.readouterr().err
+    assert main(["evaluate", str(result), str(tmp_path / "view")]) == 0
+
+
 def test_evaluate_depth_of_folders_and_files(view, result, tmp_path, capsys):
     camera = ["--camera", str(view / "camera.json")]
     by_folder = ["evaluate", str(result), str(view), "--quantity", "depth", *camera, "--json"]

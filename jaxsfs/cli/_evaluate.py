@@ -89,11 +89,17 @@ def _map_in(path: Path, quantity: Quantity) -> tuple[Path, Quantity]:
 
 def _true_normals(truth: Path, camera: "AbstractCamera | None") -> "np.ndarray | None":
     """The exact normals of a rendered view, which has a scene.json; a reconstruction's are differenced again."""
-    if camera is None or not (truth / "scene.json").is_file() or not (truth / "normals.tiff").is_file():
+    path = truth / "normals.tiff"
+    if camera is None or not (truth / "scene.json").is_file() or not path.is_file():
         return None
     import tifffile
 
-    return tifffile.imread(truth / "normals.tiff")
+    from jaxsfs.files import InputError
+
+    try:
+        return tifffile.imread(path)
+    except Exception as error:  # tifffile has no common class for what damaged files raise
+        raise InputError(f"cannot read {path}: {error}") from None
 
 
 def _table(record: dict[str, Any]) -> str:
