@@ -6,6 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsfs.forms import Scalar
+
 PAPER, INK = 1.0, 0.06
 
 
@@ -28,9 +30,9 @@ class Rings(AbstractPattern):
     """Concentric circles of the given radii (mm): lines of `width` (dark, or bright on a dark disc), or filled
     bands whose edges have these radii; `dot`: radius of a centre dot, 0 for none."""
 
-    radii: tuple[float, ...]
-    width: float = 0.8
-    dot: float = 0.0
+    radii: tuple[Scalar, ...]
+    width: Scalar = 0.8
+    dot: Scalar = 0.0
     style: str = eqx.field(default="dark", static=True)
 
     def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
@@ -48,9 +50,9 @@ class Rings(AbstractPattern):
 class LineGrid(AbstractPattern):
     """Square grid of lines: `pitch`, `width`, and `cells` from the centre to each side (mm, mm, count)."""
 
-    pitch: float
-    width: float
-    cells: int = 20
+    pitch: Scalar
+    width: Scalar
+    cells: Scalar = 20
 
     def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         half = self.cells * self.pitch + self.width / 2
@@ -62,12 +64,12 @@ class LineGrid(AbstractPattern):
 class Checkerboard(AbstractPattern):
     """`columns` × `rows` inner corners `pitch` mm apart, centred."""
 
-    columns: int
-    rows: int
-    pitch: float
+    columns: Scalar
+    rows: Scalar
+    pitch: Scalar
 
     def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        size = jnp.array([self.columns + 1, self.rows + 1], point.dtype)
+        size = jnp.stack([self.columns, self.rows]).astype(point.dtype) + 1
         cell = jnp.floor(point / self.pitch + size / 2)
         inside = jnp.all((cell >= 0) & (cell < size))
         return jnp.where(inside & (jnp.sum(cell) % 2 == 0), INK, PAPER)
@@ -76,15 +78,15 @@ class Checkerboard(AbstractPattern):
 class DotGrid(AbstractPattern):
     """`columns` × `rows` dots of `radius`, `pitch` mm apart, centred; `asymmetric` shifts every second row by half."""
 
-    columns: int
-    rows: int
-    pitch: float
-    radius: float
+    columns: Scalar
+    rows: Scalar
+    pitch: Scalar
+    radius: Scalar
     asymmetric: bool = eqx.field(default=False, static=True)
 
     def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        pitch = jnp.array([self.pitch, self.pitch / 2 if self.asymmetric else self.pitch])
-        size = jnp.array([self.columns, self.rows], point.dtype)
+        pitch = jnp.stack([self.pitch, self.pitch / 2 if self.asymmetric else self.pitch])
+        size = jnp.stack([self.columns, self.rows]).astype(point.dtype)
         start = (size - 1) / 2
         row = jnp.clip(jnp.round(point[1] / pitch[1] + start[1]), 0, self.rows - 1)
         shift = jnp.where(row % 2 == 1, 0.5, 0.0) if self.asymmetric else 0.0

@@ -50,8 +50,8 @@ def photograph(
     """
     rng = np.random.default_rng(seed)
     # plain numbers would be compiled in as constants, once per photograph
-    moving = jax.tree.map(jnp.asarray, (camera, pattern, pose, studio.falloff))
-    linear, paper = (np.asarray(part, float) for part in _irradiance(*moving, studio.supersampling))
+    moving = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), (camera, pattern, pose, studio.falloff))
+    linear, paper = (np.asarray(part, float) for part in _irradiance(moving, studio.supersampling))
     if gain is None:
         brightest = studio.response.decode(jnp.asarray(studio.exposure, float))
         gain = float(brightest) / float(paper.max())
@@ -65,10 +65,11 @@ def photograph(
 
 @eqx.filter_jit
 def _irradiance(
-    camera: AbstractCamera, pattern: AbstractPattern, pose: PlanePose, falloff: AbstractFalloff, count: int
+    scene: tuple[AbstractCamera, AbstractPattern, PlanePose, AbstractFalloff], count: int
 ) -> tuple[Float[Array, "height width"], Float[Array, "height width"]]:
     """Mean over the supersampled rays of V(α)·ink·(n·d)³/h², and the same of the bare paper."""
-    steps = (jnp.arange(count) + 0.5) / count - 0.5
+    camera, pattern, pose, falloff = scene
+    steps = (jnp.arange(count, dtype=float) + 0.5) / count - 0.5
     shifts = jnp.stack(jnp.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
     def value(pixel):

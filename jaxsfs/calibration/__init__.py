@@ -1,0 +1,9 @@
+"""Calibration from photographs of printed targets."""
+
+from jaxsfs.calibration._compare import ModelScore as ModelScore
+from jaxsfs.calibration._lens import LENSES as LENSES
+from jaxsfs.calibration._plane import PlanePose as PlanePose
+from jaxsfs.calibration._plane import tilted as tilted
+from jaxsfs.calibration._result import Calibration as Calibration
+from jaxsfs.calibration._result import ViewResult as ViewResult
+from jaxsfs.calibration.circles import calibrate_circles as calibrate_circles

@@ -1,0 +1,123 @@
+"""Checks before a calibration and warnings after it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from jaxsfs.calibration._compare import ModelScore, preferred
+from jaxsfs.calibration._fit import Fit
+from jaxsfs.calibration._problem import VIEW_SIZE, VIEWS_AT
+from jaxsfs.calibration._result import ViewResult, alpha_max_deg
+from jaxsfs.calibration._uncertainty import used_radius
+
+NARROW_DEG = 30.0
+
+
+def check_radii(radii: Sequence[float]) -> Float[np.ndarray, " count"]:
+    """The radii as an array. Raises ValueError unless there are two or more, positive and increasing."""
+    values = np.asarray(radii, float)
+    listed = " ".join(f"{value:g}" for value in values)
+    if len(values) < 2:
+        raise ValueError(
+            f"at least two rings are needed (f and the height are two unknowns), got radii: {listed or 'none'}. "
+            "List every printed radius in mm, e.g. --radii 5 10 15 20 25 30"
+        )
+    if not np.isfinite(values).all() or (values <= 0).any() or (np.diff(values) <= 0).any():
+        raise ValueError(f"radii must be positive and increasing, in mm from the centre; got {listed}")
+    return values
+
+
+def check_height(height: float | None, radii: Float[np.ndarray, " count"], tolerance: float) -> None:
+    """Raises ValueError for a height whose angles to the rings no lens sees (a wrong unit, mostly)."""
+    if not 0 < tolerance < 1:
+        raise ValueError(f"height tolerance is relative and lies between 0 and 1 (0.02 is 2 %), got {tolerance:g}")
+    if height is None:
+        return
+    if not np.isfinite(height) or height <= 0:
+        raise ValueError(f"height must be a positive distance in mm, got {height:g}")
+    widest, narrowest = np.degrees(np.arctan2(radii[-1], height)), np.degrees(np.arctan2(radii[0], height))
+    if widest < 5 or narrowest > 80:
+        raise ValueError(
+            f"a height of {height:g} mm puts the rings of {radii[0]:g} to {radii[-1]:g} mm at {narrowest:.1f} to "
+            f"{widest:.1f} degrees from the axis: is the height in mm, like the radii?"
+        )
+
+
+def check_same_size(images: Sequence[Shaped[np.ndarray, "..."]]) -> None:
+    """Raises ValueError unless there are photographs and all have one size."""
+    if not images:
+        raise ValueError("no photograph was given")
+    for index, image in enumerate(images):
+        if image.ndim not in (2, 3) or min(image.shape[:2]) < 32:
+            raise ValueError(f"photograph {index + 1} is not an image of at least 32 x 32 px: shape {image.shape}")
+    sizes = {(image.shape[1], image.shape[0]) for image in images}
+    if len(sizes) > 1:
+        listed = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
+        raise ValueError(f"all photographs must come from one camera mode; their sizes differ: {listed} px")
+
+
+def warnings_of(
+    found: Fit,
+    covariance: Float[np.ndarray, "size size"],
+    views: list[ViewResult],
+    scores: list[ModelScore],
+    height: float | None = None,
+    height_tolerance: float = 0.02,
+) -> list[str]:
+    """Plain sentences on what the photographs leave uncertain."""
+    warnings = []
+    alpha = alpha_max_deg(found)
+    sd = np.sqrt(np.diag(covariance))
+    if alpha < NARROW_DEG:
+        warnings.append(
+            f"The target covers only {alpha:.0f}° from the axis: the principal point is weakly known "
+            f"(± {max(sd[1], sd[2]):.1f} px). Move closer, or add photographs tilted by 20°."
+        )
+    elif max(sd[1], sd[2]) > 2.0:
+        warnings.append(
+            f"The principal point is weakly known (± {max(sd[1], sd[2]):.1f} px): it is held by a prior about the "
+            "middle of the picture. Add photographs tilted by 10 to 20°."
+        )
+    if sd[0] > 0.01:
+        warnings.append(f"f is known to {100 * sd[0]:.1f} % only. Add photographs, closer or tilted, or give --height.")
+    tilts = [view.figures.get("tilt_deg", 90.0) for view in views]
+    if found.setup.kind == "rings" and max(tilts) < 3.0 and height is None:
+        warnings.append(
+            "All photographs look squarely at the rings: f, the height and a lens term k cannot be told apart there "
+            "(a lens with k = 0.035 would fit as well with f 3.6 % higher). Tilt one photograph by 10 to 20°."
+        )
+    warnings += _height_warnings(found, covariance, height, height_tolerance)
+    warnings += _field_warnings(found, scores)
+    return warnings
+
+
+def _height_warnings(found: Fit, covariance, height: float | None, tolerance: float) -> list[str]:
+    if height is None:
+        return []
+    warnings = []
+    for view in range(found.setup.views):
+        at = VIEWS_AT + VIEW_SIZE * view + 5
+        fitted = float(np.exp(found.parameters[at]))
+        off = np.log(fitted / height)
+        if abs(off) > 0.02 and abs(off) > 3 * np.hypot(np.sqrt(covariance[at, at]), tolerance / 3):
+            warnings.append(
+                f"Photograph {view + 1} fits a height of {fitted:.2f} mm, you gave {height:g} mm ({100 * off:+.1f} %): "
+                "check the height (it counts from the entrance pupil, millimetres behind the glass), or the lens is "
+                "not the chosen model."
+            )
+    return warnings
+
+
+def _field_warnings(found: Fit, scores: list[ModelScore]) -> list[str]:
+    warnings = []
+    cx, cy = found.parameters[1:3]
+    width, height = found.setup.size
+    if not (0 <= cx < width and 0 <= cy < height):
+        warnings.append(f"The principal point ({cx:.0f}, {cy:.0f}) px lies outside the picture: do not trust this fit.")
+    if found.name == "spherical" and used_radius(found) > 0.995 * found.f:
+        warnings.append("f is not larger than the outermost radius used: do not trust this fit.")
+    best = preferred(scores)
+    if best.name != found.name and best.bic < next(s.bic for s in scores if s.name == found.name) - 10:
+        warnings.append(f"{best.name} describes the lens better than {found.name}: consider --model {best.name}.")
+    return warnings

@@ -1,0 +1,209 @@
+"""Sub-pixel edges near the rings that a fitted lens and pose predict."""
+
+from typing import NamedTuple
+
+import cv2
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy import ndimage
+
+from jaxsfs.calibration._field import Photograph
+from jaxsfs.calibration._lens import LENS_SIZE, lens_named, ray_and_slope
+from jaxsfs.calibration._plane import PlanePose
+
+_SAMPLES = 61  # of a profile across an edge
+_SIDES = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
+_RAYS = 64  # fixed, so that one compiled program serves
+_GRID = 256  # radii of the polar grid on which R(u, v) is inverted
+
+
+class Edges(NamedTuple):
+    """Edge points of one photograph: `pixel`, index `ring` of the printed radius, `polarity` (see Observations),
+    and `expected`, how many were looked for inside the usable field."""
+
+    pixel: Float[np.ndarray, "count 2"]
+    ring: Int[np.ndarray, " count"]
+    polarity: Float[np.ndarray, " count"]
+    expected: int
+    bend: Float[np.ndarray, " count"]
+
+
+def search_edges(
+    photo: Photograph,
+    name: str,
+    parameters: np.ndarray,
+    pose: PlanePose,
+    radii: Float[np.ndarray, " rings"],
+    style: str,
+) -> Edges:
+    """Looks for every printed ring along the normal of its predicted image, on `_RAYS` rays of the image."""
+    centre, radius, normal, reach = _predicted(photo, name, parameters, pose, radii)
+    angle = 2 * np.pi * np.arange(_RAYS)[:, None] / _RAYS
+    base = np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=-1)
+    profile, ok, step = _profiles(photo, base, normal, reach, radius)
+    visible = ok & np.isfinite(radius)
+    if style == "bands":
+        offset, polarity, good = _single_edges(profile)
+    else:
+        offset, polarity, good = _line_edges(profile if style == "dark" else -profile)
+        polarity = polarity if style == "dark" else -polarity
+    good = good & visible[..., None]
+    # blur moves a curved edge towards its centre of curvature by σ²/(2·radius), whatever its profile
+    bend = blur_sd(profile, offset, step, good) ** 2 / (2 * radius)
+    where = base[..., None, :] + (offset * step[..., None] + bend[..., None])[..., None] * normal[..., None, :]
+    ring = np.broadcast_to(np.arange(len(radii))[None, :, None], good.shape)
+    bends = np.broadcast_to(bend[..., None], good.shape)
+    return Edges(where[good], ring[good], polarity[good], int(visible.sum()) * good.shape[-1], bends[good])
+
+
+def _predicted(photo, name, parameters, pose, radii):
+    """Image radius of every ring along every ray from the target centre's image, the unit normal there, and half the
+    distance to the neighbouring rings; NaN where a ring leaves the image."""
+    build = jnp.asarray(lens_named(name).build)
+    lens = jnp.asarray(parameters[:LENS_SIZE])
+    centre = np.array(target_centre(build, lens, pose))
+    width, height = photo.size
+    far = 1.05 * np.hypot(max(centre[0], width - centre[0]), max(centre[1], height - centre[1]))
+    on_paper = np.array(_paper_radius(build, lens, pose, jnp.asarray(centre), jnp.asarray(far)))
+    grid = np.linspace(0, far, _GRID)
+    radius = np.full((_RAYS, len(radii)), np.nan)
+    edges = np.concatenate([[0.0], radii, [2 * radii[-1] - radii[-2]]])
+    around = np.full((_RAYS, len(edges)), np.nan)
+    for ray in range(_RAYS):
+        falls = np.nonzero(np.diff(on_paper[ray]) <= 1e-9)[0]
+        end = falls[0] + 1 if len(falls) else _GRID
+        around[ray] = np.interp(edges, on_paper[ray, :end], grid[:end], right=np.nan)
+    radius = around[:, 1:-1]
+    inner, outer = radius - around[:, :-2], around[:, 2:] - radius
+    reach = 0.5 * np.fmin(inner, np.where(np.isfinite(outer), outer, inner))
+    slope = _smooth_slope(radius)
+    angle = 2 * np.pi * np.arange(_RAYS)[:, None] / _RAYS
+    # the curve r(θ) has the normal r·e_r − r'·e_θ
+    nx = radius * np.cos(angle) + slope * np.sin(angle)
+    ny = radius * np.sin(angle) - slope * np.cos(angle)
+    length = np.hypot(nx, ny)
+    return centre, radius, np.stack([nx, ny], axis=-1) / length[..., None], reach
+
+
+def _smooth_slope(radius: np.ndarray) -> np.ndarray:
+    slope = (np.roll(radius, -1, axis=0) - np.roll(radius, 1, axis=0)) * _RAYS / (4 * np.pi)
+    return np.where(np.isfinite(slope), slope, 0.0)
+
+
+@eqx.filter_jit
+def target_centre(build: Int[Array, ""], lens: Float[Array, "8"], pose: PlanePose) -> Float[Array, "2"]:
+    """The pixel that sees the target point (0, 0): Newton's method on the rays."""
+    goal = pose.to_camera(jnp.zeros(2))
+    goal = goal / jnp.sqrt(jnp.sum(goal**2))
+
+    def step(_, pixel):
+        ray, slope = ray_and_slope(build, lens, pixel)
+        metric = slope.T @ slope
+        move = jnp.linalg.solve(metric, slope.T @ (goal - ray))
+        return pixel + jnp.clip(move, -100.0, 100.0)
+
+    return jax.lax.fori_loop(0, 20, step, lens[1:3] + 1.0)
+
+
+@eqx.filter_jit
+def _paper_radius(build, lens, pose: PlanePose, centre, far) -> Float[Array, "rays grid"]:
+    angle = 2 * jnp.pi * jnp.arange(_RAYS, dtype=float) / _RAYS
+    radius = jnp.linspace(0.0, 1.0, _GRID) * far
+
+    def value(a, r):
+        ray, _ = ray_and_slope(build, lens, centre + r * jnp.stack([jnp.cos(a), jnp.sin(a)]))
+        point = pose.on_target(ray)
+        return jnp.where(pose.facing(ray) > 0.03, jnp.sqrt(jnp.sum(point**2)), -1.0)
+
+    return jax.vmap(jax.vmap(value, (None, 0)), (0, None))(angle, radius)
+
+
+def blur_sd(profile, offset, step, good) -> float:
+    """sd in px of the blur across the edges: a blurred step passes from ¼ to ¾ of its height within 1.349 sd, so its
+    steepest slope is contrast/(√(2π)·sd). The median over the good edges; 0 without any."""
+    if not good.any():
+        return 0.0
+    slope = np.abs(np.gradient(ndimage.gaussian_filter1d(profile, 1.0, axis=-1), axis=-1))
+    at = np.clip(np.round((offset + 1) / 2 * (_SAMPLES - 1)), 0, _SAMPLES - 1).astype(int)
+    steepest = np.take_along_axis(slope, at, -1) * (_SAMPLES - 1) / (2 * step[..., None])
+    contrast = profile.max(-1) - profile.min(-1)
+    sd = contrast[..., None] / (np.sqrt(2 * np.pi) * np.maximum(steepest, 1e-6))
+    return float(np.clip(np.median(sd[good]), 0.3, 6.0))
+
+
+def _profiles(photo: Photograph, base, normal, reach, radius):
+    """Grey values along the normals over ±reach (at most 18 px), averaged over ±3 px along the edge (an arc of
+    `radius`), whether all of them are usable, and px per unit of the profile's coordinate (−1 … 1)."""
+    step = np.clip(reach, 3.0, 18.0)
+    along = np.linspace(-1, 1, _SAMPLES)
+    tangent = np.stack([-normal[..., 1], normal[..., 0]], axis=-1)
+    safe = np.where(np.isfinite(base), base, -100.0)
+    total = np.zeros((*base.shape[:-1], _SAMPLES))
+    grey = photo.linear.astype(np.float32)
+    flat = points = np.empty(0)
+    for side in _SIDES:
+        sag = (side**2 / (2 * np.maximum(np.where(np.isfinite(radius), radius, 1e9), 4.0)))[..., None] * normal
+        at = safe + np.where(np.isfinite(tangent), side * tangent - sag, 0)
+        points = at[..., None, :] + (step[..., None] * along)[..., None] * normal[..., None, :]
+        points = np.where(np.isfinite(points), points, -100.0).astype(np.float32)
+        flat = points.reshape(points.shape[0], -1, 2)
+        sampled = cv2.remap(grey, flat[..., 0], flat[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        total = total + sampled.reshape(points.shape[:-1]).astype(float) / len(_SIDES)
+    usable = cv2.remap(photo.usable.astype(np.uint8), flat[..., 0], flat[..., 1], cv2.INTER_NEAREST)
+    ok = usable.reshape(points.shape[:-1]).all(axis=-1) & (reach > 2.5)
+    return total, ok, step
+
+
+def _line_edges(profile: np.ndarray):
+    """Both edges of a dark line: crossings of half its depth, the background being a straight line between the means
+    of the profile's ends."""
+    ends = _SAMPLES // 7
+    left, right = profile[..., :ends].mean(-1), profile[..., -ends:].mean(-1)
+    ramp = np.linspace(0, 1, _SAMPLES)
+    offset = 2.0 if (profile < 0).any() else 0.0  # bright lines come negated: keep the background positive
+    ground = left[..., None] * (1 - ramp) + right[..., None] * ramp + offset
+    depth = 1 - (profile + offset) / np.maximum(ground, 0.02)
+    smooth = ndimage.gaussian_filter1d(depth, 1.0, axis=-1)
+    middle = ends + np.argmax(smooth[..., ends:-ends], axis=-1)
+    peak = np.take_along_axis(smooth, middle[..., None], -1)
+    inner, found_in = _crossing(smooth - 0.5 * peak, middle, -1)
+    outer, found_out = _crossing(smooth - 0.5 * peak, middle, 1)
+    peak = peak[..., 0]
+    typical = np.median(peak[peak > np.percentile(peak, 60)])
+    clean = np.abs(depth[..., :ends]).max(-1) + np.abs(depth[..., -ends:]).max(-1) < 0.9 * peak
+    good = found_in & found_out & (peak > 0.35 * typical) & clean
+    offsets = np.stack([inner, outer], axis=-1)
+    polarity = np.broadcast_to(np.array([-1.0, 1.0]), offsets.shape)
+    return offsets, polarity, np.repeat(good[..., None], 2, axis=-1)
+
+
+def _crossing(value: np.ndarray, start: np.ndarray, direction: int):
+    """Coordinate (−1 … 1) where `value` first falls through 0 from `start` on, by linear interpolation."""
+    index = np.arange(_SAMPLES)
+    beyond = (index >= start[..., None]) if direction > 0 else (index <= start[..., None])
+    below = beyond & (value <= 0)
+    found = below.any(-1)
+    first = np.argmax(below, -1) if direction > 0 else _SAMPLES - 1 - np.argmax(below[..., ::-1], -1)
+    first = np.clip(first, 1, _SAMPLES - 2)
+    low = np.take_along_axis(value, first[..., None], -1)[..., 0]
+    high = np.take_along_axis(value, (first - direction)[..., None], -1)[..., 0]
+    at = first - direction * low / np.where(low - high == 0, -1.0, low - high)
+    return 2 * at / (_SAMPLES - 1) - 1, found
+
+
+def _single_edges(profile: np.ndarray):
+    """The one edge of a band: where the profile crosses the mean of its two ends' levels."""
+    ends = _SAMPLES // 5
+    left, right = profile[..., :ends].mean(-1), profile[..., -ends:].mean(-1)
+    rise = np.sign(right - left)
+    value = (profile - 0.5 * (left + right)[..., None]) * -rise[..., None]
+    value = ndimage.gaussian_filter1d(value, 1.0, axis=-1)
+    at, found = _crossing(value, np.full(left.shape, ends), 1)
+    contrast = np.abs(right - left) / np.maximum(np.maximum(left, right), 0.02)
+    typical = np.median(contrast[contrast > np.percentile(contrast, 60)])
+    flat = np.maximum(profile[..., :ends].std(-1), profile[..., -ends:].std(-1)) < 0.25 * np.abs(right - left)
+    good = found & (contrast > 0.35 * typical) & flat
+    return at[..., None], rise[..., None], good[..., None]

@@ -1,0 +1,136 @@
+"""Concentric circles: synthetic photographs with known truth, and what goes wrong."""
+
+import numpy as np
+import pytest
+
+from data_synth.target_patterns import BlankSheet, Rings
+from data_synth.targets import Studio, photograph
+from jaxsfs.calibration import calibrate_circles, tilted
+from jaxsfs.calibration._eq20 import estimators
+from jaxsfs.camera import Equisolid, Spherical
+
+RADII = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
+CAMERA = Spherical(320.0, 327.0, 236.0, 640, 480)
+STUDIO = Studio(blur=1.2, glares=((300.0, 300.0, 12.0),), field="round", field_radius=1.15)
+
+
+def rings(pose, camera=CAMERA, studio=STUDIO, style="dark", seed=0, dot=1.0):
+    return photograph(camera, Rings(RADII, 0.8, dot, style), pose, studio, seed)
+
+
+@pytest.fixture(scope="module")
+def one_view():
+    return calibrate_circles([rings(tilted(6.0, 40.0, 22.0, (1.0, 0.5)))], RADII)
+
+
+def test_one_photograph_gives_the_camera_within_its_error_bars(one_view):
+    camera = one_view.camera
+    assert camera.f == pytest.approx(320.0, rel=1e-3)
+    assert abs(camera.f - 320.0) < 4 * one_view.f_sd
+    assert np.hypot(camera.cx - 327.0, camera.cy - 236.0) < 0.5
+    assert abs(camera.cx - 327.0) < 4 * one_view.centre_sd[0]
+
+
+def test_pose_width_and_verdict_are_reported(one_view):
+    view = one_view.figures()["photographs"][0]
+    assert view["height_mm"] == pytest.approx(22.0, rel=2e-3)
+    assert view["tilt_deg"] == pytest.approx(6.0, abs=0.1)
+    assert view["matched_fraction"] > 0.75  # the glare and the field's rim hide some
+    assert one_view.figures()["line_width_mm"] == pytest.approx(0.8, rel=0.2)
+    assert one_view.verdict.startswith("The lens obeys r = f sin α")
+    models = {row["model"]: row for row in one_view.figures()["models"]}
+    assert models["spherical"]["bic"] < models["equisolid"]["bic"] - 100
+
+
+def test_the_papers_estimators_are_beside_the_fit(one_view):
+    paper = one_view.figures()["photographs"][0]["paper"]
+    # they assume a sheet square-on and a target under the axis: some per cent at 6° of tilt
+    assert paper["eq20_f"] == pytest.approx(320.0, rel=0.03)
+    assert paper["closed_form_f"] == pytest.approx(320.0, rel=0.08)
+
+
+def test_estimators_are_exact_square_on():
+    printed = np.array(RADII)
+    radius = 320.0 * np.sin(np.arctan(printed / 22.0))
+    found = estimators(radius, printed, 22.0)
+    assert found["eq20_f"] == pytest.approx(320.0)
+    assert found["least_squares_f"] == pytest.approx(320.0)
+    assert found["closed_form_f"] == pytest.approx(320.0)
+    assert found["closed_form_height_mm"] == pytest.approx(22.0)
+
+
+@pytest.mark.parametrize("style", ["bright", "bands"])
+def test_other_ways_to_draw_rings_are_recognised(style):
+    found = calibrate_circles([rings(tilted(8.0, 100.0, 22.0), style=style, dot=0.0)], RADII)
+    assert found.figures()["style"] == style
+    assert found.camera.f == pytest.approx(320.0, rel=3e-3)
+
+
+def test_an_equisolid_lens_is_named():
+    lens = Equisolid(300.0, 322.0, 243.0, 640, 480)
+    found = calibrate_circles([rings(tilted(9.0, 10.0, 20.0), lens)], RADII, model="auto")
+    assert found.fit.name == "equisolid"
+    assert found.camera.f == pytest.approx(300.0, rel=2e-3)
+    assert "not r = f sin α" in found.verdict
+
+
+def test_three_tilted_photographs_recover_k():
+    lens = Spherical(320.0, 327.0, 236.0, 640, 480, 1.0, 0.035)
+    poses = [tilted(18.0, 0.0, 22.0, (2.0, 0.0)), tilted(18.0, 120.0, 20.0), tilted(15.0, 240.0, 24.0, (0.0, -3.0))]
+    images = [rings(pose, lens, seed=i) for i, pose in enumerate(poses)]
+    found = calibrate_circles(images, RADII, model="spherical-k")
+    assert found.camera.f == pytest.approx(320.0, rel=2e-3)
+    assert float(found.fit.parameters[4]) == pytest.approx(0.035, abs=6e-3)
+    assert len(found.views) == 3
+
+
+def test_a_square_view_says_that_f_and_k_are_not_separate():
+    found = calibrate_circles([rings(tilted(0.0, 0.0, 22.0))], RADII)
+    assert any("squarely" in warning for warning in found.warnings)
+
+
+def test_a_wrong_height_is_noticed():
+    image = rings(tilted(6.0, 40.0, 22.0))
+    found = calibrate_circles([image], RADII, height=23.5, height_tolerance=0.01)
+    assert any("fits a height of" in warning for warning in found.warnings)
+
+
+def test_radii_of_another_sheet_are_refused():
+    with pytest.raises(ValueError, match="radii"):
+        calibrate_circles([rings(tilted(3.0, 0.0, 22.0))], (3.0, 17.0, 18.0, 19.0, 40.0))
+
+
+def test_no_target_is_refused():
+    image = photograph(CAMERA, BlankSheet(), tilted(3.0, 0.0, 22.0), STUDIO, 0)
+    with pytest.raises(ValueError, match="no photograph could be used"):
+        calibrate_circles([image], RADII)
+
+
+@pytest.mark.parametrize(
+    ("radii", "match"),
+    [((5.0,), "at least two rings"), ((5.0, 5.0, 6.0), "increasing"), ((-1.0, 5.0), "positive")],
+)
+def test_bad_radii_are_refused(radii, match):
+    with pytest.raises(ValueError, match=match):
+        calibrate_circles([np.full((64, 64), 128, np.uint8)], radii)
+
+
+@pytest.mark.parametrize(
+    ("images", "height", "match"),
+    [
+        ([], None, "no photograph"),
+        ([np.zeros((64, 64), np.uint8), np.zeros((64, 80), np.uint8)], None, "sizes differ"),
+        ([np.zeros((64, 64), np.uint8)], None, "black"),
+        ([np.full((64, 64), 128, np.uint8)], 0.022, "in mm"),
+        ([np.full((64, 64), 128, np.uint8)], 2200.0, "in mm"),
+        ([np.full((64, 64), 128, np.uint8)], -3.0, "positive"),
+    ],
+)
+def test_bad_photographs_and_heights_are_refused(images, height, match):
+    with pytest.raises(ValueError, match=match):
+        calibrate_circles(images, RADII, height=height)
+
+
+def test_unknown_model_is_refused_before_any_work():
+    with pytest.raises(ValueError, match="lens model 'sine' is unknown"):
+        calibrate_circles([np.full((64, 64), 128, np.uint8)], RADII, model="sine")
