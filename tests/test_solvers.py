@@ -28,10 +28,11 @@ def mean_error(*args, **kwargs) -> float:
     return float(solve(*args, **kwargs)[1].mean())
 
 
-# Fitted order between 65² and 129². The sweeps are clean; the level set starts its front within a pixel of the
-# singular point, whose trace keeps its second order nearer 1.6.
+# Fitted order between 65² and 129². The sweeps are clean. The level set's straight paths are better than first order
+# in eight directions, so order 1 starts from a smaller error and falls more slowly; its order 2 keeps a trace of the
+# front's start within a pixel of the singular point.
 ORDERS = {("sweeping", 1): (0.75, 1.25), ("sweeping", 2): (1.75, 2.25)}
-ORDERS |= {("level-set", 1): (0.7, 1.25), ("level-set", 2): (1.4, 2.25)}
+ORDERS |= {("level-set", 1): (0.5, 1.25), ("level-set", 2): (1.4, 2.25)}
 
 
 @pytest.mark.parametrize("name", SURFACES)
