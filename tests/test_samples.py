@@ -21,7 +21,7 @@ def test_sample_range_is_reproduced(name):
     folder = SAMPLES / name
     camera = camera_from_dict(json.loads((folder / "camera.json").read_text())).camera
     description = json.loads((folder / "scene.json").read_text())
-    rendered = render_scene(description, camera=camera)
+    rendered = render_scene(description, camera=camera, half_field_deg=description["effects"]["half_field_deg"])
     stored = tifffile.imread(folder / "range.tiff")
     valid = np.isfinite(stored)
     assert valid.sum() > 1000
