@@ -97,9 +97,12 @@ def _true_normals(truth: Path, camera: "AbstractCamera | None") -> "np.ndarray |
     from jaxsfs.files import InputError
 
     try:
-        return tifffile.imread(path)
+        normals = tifffile.imread(path)
     except Exception as error:  # tifffile has no common class for what damaged files raise
         raise InputError(f"cannot read {path}: {error}") from None
+    if normals.ndim != 3 or normals.shape[2] != 3:
+        raise InputError(f"{path} holds an array of shape {normals.shape}; expected normals (height, width, 3)")
+    return normals
 
 
 def _table(record: dict[str, Any]) -> str:
