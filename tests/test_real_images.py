@@ -1,0 +1,84 @@
+"""Real photographs, at a quarter of their size: the figures that the reconstruction reaches must not get worse.
+
+The margins are a few hundredths: shrinking the picture and the precision of the numbers move the figures by about
+0.01. What the figures are is in `experiments/real_data.py`, which prints them.
+"""
+
+from pathlib import Path
+
+import pytest
+
+EXPERIMENTS = Path(__file__).parents[1] / "experiments"
+
+
+@pytest.fixture
+def real_data(monkeypatch):
+    monkeypatch.syspath_prepend(EXPERIMENTS)
+    import real_data
+
+    return real_data
+
+
+def folder_of(data: Path, name: str) -> Path:
+    if not (data / name).is_dir():
+        pytest.skip(f"no {name} in {data}")
+    return data / name
+
+
+@pytest.mark.parametrize(("frame", "visible"), [(4584, 105), (4600, 218)])
+def test_structure_points_project_into_the_picture(real_data, data, frame, visible):
+    """Poses inverted and visibility read as the data's own code does: the points fall on the field of the scope."""
+    case = real_data.sinus_case(folder_of(data, real_data.SINUS), frame, 8)
+    u, v = case.pixels().T
+    height, width = case.mask.shape
+    on = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    on[on] = case.mask[v[on], u[on]]
+    assert len(case.points) == visible
+    assert (case.points[:, 2] > 0).all()
+    assert on.mean() > 0.9
+
+
+@pytest.mark.parametrize(
+    ("frame", "settings", "spearman_depth", "spearman_range", "abs_rel"),
+    [
+        (4584, "default", 0.72, 0.86, 0.08),
+        (4600, "default", 0.67, 0.80, 0.11),
+        (4584, "red-rich", 0.82, 0.87, 0.06),
+        (4600, "red-rich", 0.78, 0.81, 0.08),
+    ],
+)
+def test_depth_of_sinus_follows_structure_from_motion(
+    real_data, data, frame, settings, spearman_depth, spearman_range, abs_rel
+):
+    case = real_data.sinus_case(folder_of(data, real_data.SINUS), frame, 4)
+    result = real_data.solve(case, real_data.SHOWN[settings])
+    reached = real_data.score(case, result)
+    assert reached["compared"] >= 0.9 * reached["known"]
+    assert reached["spearman_depth"] >= spearman_depth
+    assert reached["spearman_range"] >= spearman_range
+    assert reached["abs_rel"] <= abs_rel
+
+
+@pytest.mark.parametrize(("frame", "raw", "preset"), [("0000", 0.24, 0.125), ("0004", 0.22, 0.11)])
+@pytest.mark.parametrize("camera", ["A", "B"])
+def test_depth_of_rendered_colon(real_data, data, frame, raw, preset, camera):
+    """Both readings of the camera: within 0.13 by the preset photometry, and better than without it."""
+    case = real_data.simcol_case(folder_of(data, real_data.SIMCOL), frame, camera, 4)
+    without = real_data.score(case, real_data.solve(case, real_data.DEFAULT))
+    assert without["abs_rel"] <= raw
+    assert without["spearman_depth"] >= 0.9
+    reached = real_data.score(case, real_data.solve(case, real_data.PRESET))
+    assert reached["abs_rel"] <= preset
+    assert reached["abs_rel"] < without["abs_rel"]
+    assert reached["spearman_depth"] >= 0.92
+
+
+def test_run_writes_table_and_pictures(real_data, data, tmp_path, monkeypatch):
+    """One small case through the whole script: table, CSV and a picture per setting."""
+    case = real_data.simcol_case(folder_of(data, real_data.SIMCOL), "0004", "B", 8)
+    monkeypatch.setattr(real_data, "cases", lambda data, quick: [case])
+    rows = real_data.run(data, tmp_path, quick=True, variants=False, command="python experiments/real_data.py")
+    assert len(rows) == 6
+    assert {path.suffix for path in tmp_path.iterdir()} == {".csv", ".md", ".png"}
+    assert "python experiments/real_data.py" in (tmp_path / "real_data.md").read_text(encoding="utf-8")
+    assert sum("fitted to the truth" in row["settings"] for row in rows) == 2
