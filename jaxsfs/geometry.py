@@ -29,6 +29,6 @@ def geometry(surface: Surface) -> Geometry:
     return Geometry(*jax.tree.map(np.asarray, _compiled(surface)))
 
 
-@eqx.filter_jit
+@jax.jit
 def _compiled(surface: Surface):
     return surface.points(), surface.camera.rays(surface.range.dtype), *surface.normals()

@@ -93,7 +93,8 @@ def _steepness(points: np.ndarray, rays: np.ndarray, usable: np.ndarray, dv: int
     along2 = np.einsum("...i,...i", edge, ray) ** 2
     length2 = np.einsum("...i,...i", edge, edge) * np.einsum("...i,...i", ray, ray)
     aside2 = np.maximum(length2 - along2, np.finfo(edge.dtype).tiny)
-    return np.where(ok, np.sqrt(along2 / aside2), np.inf)
+    with np.errstate(over="ignore"):  # an edge along the ray is infinitely steep
+        return np.where(ok, np.sqrt(along2 / aside2), np.inf)
 
 
 def _open_edges(steepness: np.ndarray, limit: float, axis: int) -> np.ndarray:

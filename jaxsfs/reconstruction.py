@@ -1,6 +1,7 @@
 """Irradiance → Surface: sets up the one equation, lets a solver run, and says how far the result can be trusted."""
 
 import enum
+from functools import partial
 from typing import Literal
 
 import equinox as eqx
@@ -222,7 +223,7 @@ def _steps(inside: Mask) -> int:
 
 
 def _stopping(dtype, steps: int | None) -> dict[str, float | int]:
-    tolerance = 4e-6 if dtype == jnp.float32 else 1e-10
+    tolerance = 1e-6 if dtype == jnp.float32 else 1e-9
     return {"tolerance": tolerance, "max_rounds": steps or (40 if dtype == jnp.float32 else 80)}
 
 
@@ -232,7 +233,7 @@ def _residual(surface: Surface, irradiance: Irradiance, albedo, reflectance, lig
     return (float(values.mean()), float(np.percentile(values, 95))) if values.size else (float("nan"), float("nan"))
 
 
-@eqx.filter_jit
+@partial(jax.jit, static_argnames="distant")
 def _misfit(surface: Surface, irradiance: Irradiance, albedo, reflectance, distant: bool):
     cosines, ok = surface.cosines()
     expected = (
@@ -245,7 +246,7 @@ def _misfit(surface: Surface, irradiance: Irradiance, albedo, reflectance, dista
 def _status(statistics: Statistics) -> Status:
     if statistics.valid_pixels < 16:
         return Status.FEW_PIXELS
-    if statistics.change > 1e-3:
+    if statistics.change > 1e-5:
         return Status.NOT_SETTLED
     if statistics.unreached_pixels > 0.001 * statistics.valid_pixels:
         return Status.UNREACHED

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxsfs.camera import CameraFile
-from jaxsfs.cli._reconstruct import ReconstructOptions
+from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._settings import CAMERA_FILE, COMMAND_LINE, DEFAULT, Setting, Source, choose
 from jaxsfs.files import InputError, Photo
 from jaxsfs.files._meshes import Unit

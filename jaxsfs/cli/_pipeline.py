@@ -11,7 +11,7 @@ from jaxsfs import files
 from jaxsfs.camera import CameraFile, camera_to_dict
 from jaxsfs.cli._initial import check_mask_size, parse_initial, parse_known_range, read_heights
 from jaxsfs.cli._photometric import Photometric, photometric
-from jaxsfs.cli._reconstruct import ReconstructOptions
+from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._settings import COMMAND_LINE, DEFAULT, Setting
 from jaxsfs.cli._summary import summary
 from jaxsfs.cli._terminal import command_line, progress, versions

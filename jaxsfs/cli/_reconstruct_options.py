@@ -1,0 +1,76 @@
+"""The options of `jaxsfs reconstruct`, checked."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional
+
+from jaxsfs.cli._options import value
+from jaxsfs.cli._settings import numbers
+from jaxsfs.cli._terminal import CannotRun
+
+
+@dataclasses.dataclass(frozen=True)
+class ReconstructOptions:
+    # The photograph: PNG, JPEG, BMP, TIFF, WebP or NPY; 8 bit, 16 bit or float; grey, colour, or with alpha.
+    image: Annotated[Positional[Path], value("IMAGE")]
+    # Camera file (JSON) of exactly this image size.
+    camera: Annotated[Path, value("FILE")]
+    # Folder for the results.
+    out: Annotated[Path, value("FOLDER")]
+    # Image of the photograph's size, non-zero where it is to be used. Without one, the dark border of an endoscope
+    # picture is found.
+    mask: Annotated[Path | None, value("FILE", default="found automatically")] = None
+    # sweeping: fast; level-set: the paper's propagating front.
+    solver: Literal["sweeping", "level-set"] = "sweeping"
+    # Order of accuracy.
+    order: Literal[1, 2] = 2
+    # What is known to begin with: deadline (nothing but the brightness), singular-point[:U,V[,RANGE]] (a
+    # pixel that faces the light), threshold:E (where the irradiance is at least E), or
+    # curve:MASK.png,RANGE (the range is known where MASK is not zero).
+    initial: Annotated[str | None, value("FORM", default="deadline; for a distant light singular-point")] = None
+    # camera: a light at the lens, E = albedo G(cos)/range^2. distant: a far light behind an orthographic camera.
+    light: Literal["camera", "distant"] = "camera"
+    # Distant light: z at singular points, a CSV file with the header u,v,z.
+    heights: Annotated[Path | None, value("FILE", default="none")] = None
+    # Distant light: singular points are the farthest points around, not the nearest.
+    concave: bool = False
+    # The camera's tone curve; auto: srgb for 8 bit, linear for 16 bit and float.
+    response: Annotated[str | None, value("auto|srgb|linear|gamma:G", default="the camera file's, else auto")] = None
+    # Light and vignetting over the angle a from the optical axis: cos^MU a, or exp(-MU (1 - cos a)).
+    falloff: Annotated[str | None, value("none|cos:MU|exp:MU", default="the camera file's, else none")] = None
+    # lambertian, power:A, oren-nayar:SIGMA, phong:K,N or blinn-phong:K,N.
+    reflectance: Annotated[str | None, value("FORM", default="the camera file's, else lambertian")] = None
+    # Which light is used; R,G,B are weights.
+    channel: Annotated[
+        str | None, value("luminance|red|green|blue|R,G,B", default="the camera file's, else luminance")
+    ] = None
+    # Gaussian smoothing in linear light.
+    smooth: Annotated[float, value("SIGMA_PX")] = 0.0
+    # Gain times albedo, which sets the scale: E = RHO G(cos)/range^2. With 1, lengths are in scene units.
+    albedo: Annotated[float | None, value("RHO", default="the camera file's gain_albedo, else 1")] = None
+    # The range R in mm at pixel (U, V), which sets the scale instead of --albedo.
+    known_range: Annotated[str | None, value("U,V,R", default="none")] = None
+    # Bits of the floating-point numbers.
+    precision: Literal[32, 64] = 32
+    # Replace the results of an earlier run.
+    force: bool = False
+    # Print result.json instead of a summary.
+    json: bool = False
+
+    def __post_init__(self):
+        if self.albedo is not None and self.known_range is not None:
+            raise CannotRun("--albedo and --known-range both set the scale; give one of them")
+        if self.albedo is not None and not 0 < self.albedo < float("inf"):
+            raise CannotRun(f"--albedo must be positive and finite, got {self.albedo:g}")
+        if not 0 <= self.smooth < float("inf"):
+            raise CannotRun(f"--smooth must be 0 or more pixels, got {self.smooth:g}")
+        if self.known_range is not None and not numbers("--known-range", self.known_range, "U,V,R")[2] > 0:
+            raise CannotRun(f"--known-range needs a range R above 0, got {self.known_range!r}")
+        if self.heights is not None and self.light != "distant":
+            raise CannotRun("--heights belongs to --light distant; for a light at the camera write --initial")
+        if self.heights is not None and self.initial is not None:
+            raise CannotRun("--heights and --initial both say what is known to begin with; give one of them")
+        if self.concave and self.light != "distant":
+            raise CannotRun("--concave belongs to --light distant; a light at the camera leaves no such choice")
