@@ -76,7 +76,8 @@ class Checkerboard(AbstractPattern):
 
 
 class DotGrid(AbstractPattern):
-    """`columns` × `rows` dots of `radius`, `pitch` mm apart, centred; `asymmetric` shifts every second row by half."""
+    """`columns` × `rows` dots of `radius`, `pitch` mm apart, centred. `asymmetric`: rows `pitch` apart, dots in a row
+    2·`pitch`, every second row shifted by `pitch` (as OpenCV counts)."""
 
     columns: Scalar
     rows: Scalar
@@ -85,11 +86,12 @@ class DotGrid(AbstractPattern):
     asymmetric: bool = eqx.field(default=False, static=True)
 
     def ink(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        pitch = jnp.stack([self.pitch, self.pitch / 2 if self.asymmetric else self.pitch])
-        size = jnp.stack([self.columns, self.rows]).astype(point.dtype)
-        start = (size - 1) / 2
-        row = jnp.clip(jnp.round(point[1] / pitch[1] + start[1]), 0, self.rows - 1)
-        shift = jnp.where(row % 2 == 1, 0.5, 0.0) if self.asymmetric else 0.0
-        column = jnp.clip(jnp.round(point[0] / pitch[0] + start[0] - shift), 0, self.columns - 1)
-        centre = (jnp.stack([column + shift, row]) - start) * pitch
-        return jnp.where(jnp.sum((point - centre) ** 2) < self.radius**2, INK, PAPER)
+        step = 2 if self.asymmetric else 1
+        columns, rows = (jnp.asarray(count, point.dtype) for count in (self.columns, self.rows))
+        middle = jnp.stack([step * (columns - 1) + step - 1, rows - 1]) / 2
+        place = point / self.pitch + middle
+        row = jnp.clip(jnp.round(place[1]), 0, rows - 1)
+        shift = jnp.where(row % 2 == 1, step - 1.0, 0.0)
+        column = shift + step * jnp.clip(jnp.round((place[0] - shift) / step), 0, columns - 1)
+        away = self.pitch * (place - jnp.stack([column, row]))
+        return jnp.where(jnp.sum(away**2) < self.radius**2, INK, PAPER)

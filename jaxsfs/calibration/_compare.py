@@ -90,6 +90,15 @@ def preferred(scores: list[ModelScore]) -> ModelScore:
     return choice
 
 
+def score_named(scores: list[ModelScore], model: str) -> ModelScore:
+    """The score of the named model. Raises ValueError if its fit failed."""
+    for score in scores:
+        if score.name == model:
+            return score
+    known = ", ".join(score.name for score in scores)
+    raise ValueError(f"the {model} lens could not be fitted to these photographs; these could: {known}")
+
+
 def verdict(scores: list[ModelScore]) -> str:
     """The comparison in words."""
     choice = preferred(scores)

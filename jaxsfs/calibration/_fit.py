@@ -80,21 +80,26 @@ class Fit:
 
 def rays_of(fitted: "Fit", pixel: Float[np.ndarray, "count 2"]) -> Float[np.ndarray, "count 3"]:
     """Unit rays of the pixels."""
-    return _padded_call(_rays, fitted, pixel)
+    return lens_rays(fitted.name, fitted.parameters[:LENS_SIZE], pixel)
+
+
+def lens_rays(
+    name: str, lens: Float[np.ndarray, "8"], pixel: Float[np.ndarray, "count 2"]
+) -> Float[np.ndarray, "count 3"]:
+    """Unit rays of the pixels for a parameter vector."""
+    return _padded_call(_rays, name, lens, pixel)
 
 
 def plane_points(fitted: "Fit", pixel: Float[np.ndarray, "count 2"], view: int = 0) -> Float[np.ndarray, "count 2"]:
     """Target coordinates (mm) that the pixels see on the fitted plane of a photograph."""
-    return _padded_call(_on_plane, fitted, pixel, fitted.pose(view))
+    return _padded_call(_on_plane, fitted.name, fitted.parameters[:LENS_SIZE], pixel, fitted.pose(view))
 
 
-def _padded_call(function, fitted: "Fit", pixel: Float[np.ndarray, "count 2"], *more) -> np.ndarray:
+def _padded_call(function, name: str, lens, pixel: Float[np.ndarray, "count 2"], *more) -> np.ndarray:
     size = max(1024, 1 << (len(pixel) - 1).bit_length())
-    padded = np.concatenate([pixel, np.repeat(pixel[:1], size - len(pixel), axis=0)])
-    build = jnp.asarray(lens_named(fitted.name).build)
-    return np.array(function(build, jnp.asarray(fitted.parameters[:LENS_SIZE]), jnp.asarray(padded), *more))[
-        : len(pixel)
-    ]
+    padded = jnp.asarray(np.concatenate([pixel, np.repeat(pixel[:1], size - len(pixel), axis=0)]))
+    build = jnp.asarray(lens_named(name).build)
+    return np.array(function(build, jnp.asarray(lens), padded, *more))[: len(pixel)]
 
 
 @eqx.filter_jit

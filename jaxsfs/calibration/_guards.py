@@ -44,8 +44,14 @@ def check_height(height: float | None, radii: Float[np.ndarray, " count"], toler
         )
 
 
-def check_same_size(images: Sequence[Shaped[np.ndarray, "..."]]) -> None:
-    """Raises ValueError unless there are photographs and all have one size."""
+def check_count(what: str, count: int) -> None:
+    """Raises ValueError for fewer than two columns or rows."""
+    if count < 2:
+        raise ValueError(f"{what} must be at least 2, got {count}")
+
+
+def check_same_size(images: Sequence[Shaped[np.ndarray, "..."]]) -> Sequence[Shaped[np.ndarray, "..."]]:
+    """The photographs themselves. Raises ValueError unless there are photographs and all have one size."""
     if not images:
         raise ValueError("no photograph was given")
     for index, image in enumerate(images):
@@ -55,6 +61,7 @@ def check_same_size(images: Sequence[Shaped[np.ndarray, "..."]]) -> None:
     if len(sizes) > 1:
         listed = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
         raise ValueError(f"all photographs must come from one camera mode; their sizes differ: {listed} px")
+    return images
 
 
 def warnings_of(

@@ -145,12 +145,13 @@ def _lines(problem: Problem, parameters: Float[Array, " size"]) -> Float[Array, 
     o = problem.observations
     rays, slopes = rays_and_slopes(problem.build, parameters[:LENS_SIZE], o.pixel)
     spread = jax.ops.segment_sum(o.weight[:, None, None] * rays[:, :, None] * rays[:, None, :], o.group, problem.groups)
-    # lines without points get a harmless matrix with distinct eigenvalues
+    # lines of fewer than three points have no normal: a harmless matrix with distinct eigenvalues, and no residual
     count = jax.ops.segment_sum(o.weight, o.group, problem.groups)
-    spread = jnp.where((count > 0)[:, None, None], spread, jnp.diag(jnp.array([1.0, 2.0, 3.0]))[None])
+    spread = jnp.where((count >= 3)[:, None, None], spread, jnp.diag(jnp.array([1.0, 2.0, 3.0]))[None])
     normal = jnp.linalg.eigh(spread)[1][:, :, 0][o.group]
     gradient = jnp.einsum("ni,nij->nj", normal, slopes)
-    return (jnp.sum(normal * rays, axis=1) / jnp.sqrt(jnp.sum(gradient**2, axis=1) + 1e-18))[:, None]
+    distance = jnp.sum(normal * rays, axis=1) / jnp.sqrt(jnp.sum(gradient**2, axis=1) + 1e-18)
+    return jnp.where(count[o.group] >= 3, distance, 0.0)[:, None]
 
 
 def pad(rows: Rows, weight: Float[np.ndarray, " count"], size: int) -> Observations:

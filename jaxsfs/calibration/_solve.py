@@ -45,7 +45,7 @@ def solve(problem: Problem, start: Float[Array, " size"], noise: Float[Array, ""
     parameters = full(found.value)
     jacobian = jax.jacfwd(weighted)(parameters, None)
     residual = residuals(problem, parameters)
-    finite = jnp.all(jnp.isfinite(parameters)) & jnp.all(jnp.isfinite(residual))
+    finite = jnp.all(jnp.isfinite(parameters)) & jnp.all(jnp.isfinite(residual)) & jnp.all(jnp.isfinite(jacobian))
     # out of steps is not out of hope: flexible lenses creep along directions that the data hardly feel
     ended = (found.result == optx.RESULTS.successful) | (found.result == optx.RESULTS.nonlinear_max_steps_reached)
     success = ended & finite

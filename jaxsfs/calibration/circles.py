@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
-from jaxsfs.calibration._compare import ModelScore, compare, preferred
+from jaxsfs.calibration._compare import compare, preferred, score_named
 from jaxsfs.calibration._eq20 import estimators
 from jaxsfs.calibration._field import Photograph, photograph_from
 from jaxsfs.calibration._fit import Fit, fit
@@ -54,7 +54,7 @@ def calibrate_circles(
     setup, flexible = _joint_fit("spherical-k", setup, _joint_start([views[index] for index in kept]))
     rings = np.unique(np.round(setup.observations.target[:, 0], 9), return_inverse=True)[1]
     scores = compare(setup, flexible, rings, _INDEPENDENT)
-    chosen = preferred(scores) if model == "auto" else _score_named(scores, model)
+    chosen = preferred(scores) if model == "auto" else score_named(scores, model)
     setup, found = _joint_fit(chosen.name, setup, chosen.fit.parameters)
     covariance = total_covariance(found, _groupings(found, rings))
     results = [_view_result(found, covariance, views[index], i, index, printed) for i, index in enumerate(kept)]
@@ -108,14 +108,6 @@ def _joint_fit(name: str, setup, start: Float[np.ndarray, " size"]):
             f"the fit of the {name} lens did not converge; try another --model, give --height, or add a photograph"
         )
     return setup, found
-
-
-def _score_named(scores: list[ModelScore], model: str) -> ModelScore:
-    for score in scores:
-        if score.name == model:
-            return score
-    known = ", ".join(score.name for score in scores)
-    raise ValueError(f"the {model} lens could not be fitted to these photographs; these could: {known}")
 
 
 def _groupings(found: Fit, rings: Int[np.ndarray, " count"]) -> list[Int[np.ndarray, " count"]]:

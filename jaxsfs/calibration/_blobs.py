@@ -1,0 +1,60 @@
+"""Dots (or the white cells of a line grid) and their sub-pixel centres."""
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from jaxsfs.calibration._field import Photograph
+
+
+def blobs(photo: Photograph, dark: bool = True, least_area: int = 12) -> Float[np.ndarray, "count 2"]:
+    """Centres (u, v) of compact dark (or bright) spots wholly inside the usable field.
+
+    A spot is a connected region beyond half the local contrast, of elliptic shape (bright: any convex-ish shape); its
+    centre is the centroid weighted by contrast, over the region grown by 2 px.
+    """
+    contrast, weight = _contrast(photo, dark)
+    inside = np.logical_and(contrast > 0.5, photo.field)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8), connectivity=4)
+    largest = (0.02 if dark else 0.08) * photo.grey.size
+    centres = []
+    for label in range(1, count):
+        left, top, width, height, area = stats[label]
+        if not least_area <= area <= largest or min(width, height) < 3:
+            continue
+        window = (
+            slice(max(top - 3, 0), min(top + height + 3, labels.shape[0])),
+            slice(max(left - 3, 0), min(left + width + 3, labels.shape[1])),
+        )
+        region = labels[window] == label
+        grown = cv2.dilate(region.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        others = (labels[window] > 0) & ~region
+        if not photo.usable[window][grown].all() or (grown & others).any():
+            continue
+        if _ellipticity(region) < (0.82 if dark else 0.6):
+            continue
+        v, u = np.nonzero(grown)
+        w = np.clip(weight[window][grown], 0, None)
+        centres.append((np.sum(w * u) / w.sum() + window[1].start, np.sum(w * v) / w.sum() + window[0].start))
+    return np.array(centres, float).reshape(-1, 2)
+
+
+def _contrast(photo: Photograph, dark: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Darkness (brightness) between the local paper (0) and the local ink (1), and its unsmoothed self for weights."""
+    size = max(15, photo.size[0] // 12) | 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    linear = photo.linear.astype(np.float32)
+    smooth = cv2.GaussianBlur(linear, (0, 0), 0.8)
+    filled = np.where(photo.field, smooth, np.median(smooth[photo.field])).astype(np.float32)
+    paper = cv2.GaussianBlur(cv2.dilate(filled, kernel), (0, 0), size / 4)
+    ink = cv2.GaussianBlur(cv2.erode(filled, kernel), (0, 0), size / 4)
+    depth = np.maximum(paper - ink, 0.15 * paper + 0.01)
+    darkness = (paper - smooth) / depth
+    return (darkness if dark else 1 - darkness), ((paper - linear) / depth if dark else (linear - ink) / depth)
+
+
+def _ellipticity(region: np.ndarray) -> float:
+    """Area over that of the ellipse with the region's second moments: 1 for an ellipse, 0.955 for a rectangle."""
+    v, u = np.nonzero(region)
+    spread = np.cov(np.stack([u, v])) + np.eye(2) / 12
+    return len(u) / (4 * np.pi * np.sqrt(max(np.linalg.det(spread), 1e-12)))

@@ -1,0 +1,142 @@
+"""Calibration from straight lines (the paper's second procedure, Section 6): no sizes and no pose needed.
+
+A straight line is seen on a great circle of rays. The residual is its Sampson distance in px of the original
+image. The two obvious scores do not work: straightness in the unwarped picture falls to 0 as f → ∞ (the picture shrinks
+to its middle), and f times the angle from the great circle falls to 0 as f → 0. The curves of all three are reported.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from jaxsfs.calibration._compare import compare, preferred, score_named
+from jaxsfs.calibration._field import photograph_from
+from jaxsfs.calibration._fit import Fit, Setup, fit, lens_rays
+from jaxsfs.calibration._guards import check_same_size, warnings_of
+from jaxsfs.calibration._lens import ASPECT, LENS_SIZE, SHAPE, lens_named, start_lens
+from jaxsfs.calibration._line_points import LinePoints, find_lines
+from jaxsfs.calibration._problem import VIEWS_AT, Rows
+from jaxsfs.calibration._result import Calibration, ViewResult, total_covariance
+from jaxsfs.calibration._ring_setup import CENTRE_SD, SHAPE_SD
+from jaxsfs.calibration._uncertainty import used_radius
+from jaxsfs.photometry import AbstractResponse
+
+MOST_LINES = 128
+_STARTS = (1.06, 1.3, 1.7, 2.5, 4.0)  # f over the outermost used radius
+WORST_RMS = 0.0015  # of the image width
+_LOOSE = 1e6
+
+
+def calibrate_grid(
+    images: Sequence[Shaped[np.ndarray, "..."]],
+    model: str = "spherical",
+    aspect: bool = False,
+    response: AbstractResponse | None = None,
+) -> Calibration:
+    """The camera that sees the straight lines of a printed line grid, dot grid or checkerboard of any size.
+
+    Raises ValueError that says what to photograph instead.
+    """
+    if model != "auto":
+        lens_named(model)
+    photos = [photograph_from(image, response) for image in check_same_size(images)]
+    found = [find_lines(photo) for photo in photos]
+    kept = [(i, lines) for i, lines in enumerate(found) if lines is not None]
+    why = "no grid found: at least two lines of five crossings, dots or corners must show, in focus"
+    if not kept:
+        raise ValueError(f"{why}. Photograph a printed grid so that it fills the picture")
+    setup, owner = _setup([lines for _, lines in kept], photos[0].size, photos[0].field_centre(), aspect)
+    first = _first_fit(setup, photos[0].field_centre())
+    flexible = fit("spherical-k", setup, first.parameters, rounds=6)
+    flexible = flexible if flexible.success else first
+    groups = setup.observations.group
+    scores = compare(setup, flexible, groups)
+    chosen = preferred(scores) if model == "auto" else score_named(scores, model)
+    best = fit(chosen.name, setup, chosen.fit.parameters, noise=chosen.fit.noise)
+    covariance = total_covariance(best, [groups, owner[groups]])
+    views = [_view(best, owner, row, index, lines.source) for row, (index, lines) in enumerate(kept)]
+    rejected = [(i, why) for i, lines in enumerate(found) if lines is None]
+    warnings = warnings_of(best, covariance, views, scores)
+    return Calibration("grid", best, covariance, scores, views, rejected, warnings, {"straightness": curves(best)})
+
+
+def curves(found: Fit) -> dict[str, list[float]]:
+    """Three scores of straightness against f, the centre held (the paper's Figure 3 in numbers): `sampson_px`, and the
+    two that collapse, `unwarped` (rms from straight lines in the perspective picture with focal length f, in px, over
+    that picture's scale) and `angle_px` (f times the rms angle from the great circle)."""
+    o, kept = found.setup.observations, found.weight > 0
+    pixel, group = o.pixel[kept], o.group[kept]
+    outermost = float(np.max(np.hypot(*(pixel - found.parameters[1:3]).T)))
+    table: dict[str, list[float]] = {"f": [], "sampson_px": [], "unwarped": [], "angle_px": []}
+    for f in outermost * np.geomspace(1.02, 6.0, 25):
+        lens = start_lens(f, *found.parameters[1:3])
+        lens[ASPECT] = found.parameters[ASPECT]
+        rays = lens_rays("spherical", lens, pixel)
+        normal = np.stack([np.linalg.svd(rays[group == g])[2][-1] for g in np.unique(group)])
+        normal = normal[np.unique(group, return_inverse=True)[1]]
+        angle = np.sum(normal * rays, axis=1)
+        # ∇(n·d) for the sine: d = (q, √(1 − q²)), so ∂(n·d)/∂q = n_xy − n_z q/√(1 − q²)
+        gradient = normal[:, :2] - normal[:, 2:] * rays[:, :2] / rays[:, 2:]
+        table["f"].append(float(f))
+        table["sampson_px"].append(float(np.sqrt(np.mean((f * angle) ** 2 / np.sum(gradient**2, axis=1)))))
+        table["angle_px"].append(float(f * np.sqrt(np.mean(angle**2))))
+        table["unwarped"].append(float(f) * _unwarped_rms(rays[:, :2] / rays[:, 2:], group))
+    return table
+
+
+def _unwarped_rms(plane: Float[np.ndarray, "count 2"], group) -> float:
+    total = 0.0
+    for g in np.unique(group):
+        points = plane[group == g] - plane[group == g].mean(axis=0)
+        total += float(np.linalg.svd(points, compute_uv=False)[-1] ** 2)
+    return float(np.sqrt(total / len(plane)))
+
+
+def _setup(lines: list[LinePoints], size, centre, aspect: bool):
+    """The setup, and the photograph (row of `lines`) of every line."""
+    shifts = np.cumsum([0] + [int(found.line.max()) + 1 for found in lines])
+    if shifts[-1] > MOST_LINES:
+        raise ValueError(
+            f"{shifts[-1]} lines were found, more than {MOST_LINES}: give fewer photographs, or a coarser grid"
+        )
+    pixel = np.concatenate([found.pixel for found in lines])
+    count = len(pixel)
+    rows = Rows(
+        pixel=pixel,
+        target=np.zeros((count, 2)),
+        polarity=np.zeros(count),
+        shift=np.zeros(count),
+        group=np.concatenate([found.line + shift for found, shift in zip(lines, shifts[:-1], strict=True)]),
+    )
+    free, prior, sd = np.zeros(VIEWS_AT, bool), np.zeros(VIEWS_AT), np.full(VIEWS_AT, _LOOSE)
+    free[:3] = True
+    prior[1:3], sd[1:3] = centre, CENTRE_SD * size[0]
+    sd[SHAPE:LENS_SIZE] = SHAPE_SD
+    owner = np.repeat(np.arange(len(lines)), np.diff(shifts))
+    return Setup("lines", rows, size, 0, MOST_LINES, free, prior, sd, np.zeros((count, 1)), aspect), owner
+
+
+def _first_fit(setup: Setup, centre) -> Fit:
+    outermost = float(np.max(np.hypot(*(setup.observations.pixel - np.array(centre)).T)))
+    starts = [np.concatenate([start_lens(factor * outermost, *centre), [0.0, 0.0]]) for factor in _STARTS]
+    fits = [fit("spherical", setup, start, rounds=2, noise=1.0) for start in starts]
+    # below the outermost radius used, great circles shrink to points and every score goes to 0
+    fits = [found for found in fits if found.success and found.f > used_radius(found)]
+    if not fits:
+        raise ValueError("no lens makes the lines straight; is the grid flat, and are its lines straight?")
+    best = min(fits, key=lambda found: float(np.median(np.abs(found.residual))))
+    if best.rms > WORST_RMS * setup.size[0]:
+        raise ValueError(
+            f"no lens makes the lines found straight (rms {best.rms:.1f} px): they were traced wrongly, or the sheet "
+            "is bent. Photograph a grid of 10 to 20 lines each way, in focus, with little else in the picture"
+        )
+    return best
+
+
+def _view(found: Fit, owner, row: int, index: int, source: str) -> ViewResult:
+    mine = owner[found.setup.observations.group] == row
+    kept = mine & (found.weight > 0)
+    rms = float(np.sqrt(np.mean(found.residual[kept] ** 2))) if kept.any() else float("nan")
+    lines = int(np.sum(owner == row))
+    return ViewResult(index, int(kept.sum()), int(mine.sum()), rms, {"source": source, "lines": lines})

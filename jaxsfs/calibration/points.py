@@ -1,0 +1,181 @@
+"""Calibration from points of known place on a flat target: checkerboards and dot grids."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from jaxsfs.calibration._board import Board, find_checkerboard, find_dots
+from jaxsfs.calibration._compare import compare, preferred, score_named
+from jaxsfs.calibration._field import photograph_from
+from jaxsfs.calibration._fit import Fit, Setup, fit, lens_rays
+from jaxsfs.calibration._guards import check_count, check_same_size, warnings_of
+from jaxsfs.calibration._lens import LENS_SIZE, SHAPE, lens_named, start_lens
+from jaxsfs.calibration._pose_start import start_pose
+from jaxsfs.calibration._problem import VIEW_SIZE, VIEWS_AT, Rows
+from jaxsfs.calibration._result import Calibration, ViewResult, pose_figures, total_covariance
+from jaxsfs.calibration._ring_setup import CENTRE_SD, SHAPE_SD
+from jaxsfs.photometry import AbstractResponse
+
+RATIO_SD = 0.02  # of the printer's two scales
+WORST_RMS = 0.005  # of the image width
+_LOOSE = 1e6
+_STARTS = (1.08, 1.35, 1.8, 2.6, 4.0)  # f over the outermost used radius
+
+
+def calibrate_checkerboard(
+    images: Sequence[Shaped[np.ndarray, "..."]],
+    columns: int,
+    rows: int,
+    pitch: float,
+    model: str = "spherical",
+    aspect: bool = False,
+    two_scales: bool = False,
+    response: AbstractResponse | None = None,
+) -> Calibration:
+    """The camera that photographed a checkerboard with `columns` × `rows` inner corners `pitch` mm apart.
+
+    Raises ValueError that says what to photograph instead.
+    """
+    check_count("columns", columns)
+    check_count("rows", rows)
+    photos = [photograph_from(image, response) for image in check_same_size(images)]
+    found = [find_checkerboard(photo, columns, rows) for photo in photos]
+    why = f"no checkerboard of {columns} x {rows} inner corners found (count corners between squares, not squares)"
+    centre = photos[0].field_centre()
+    return _from_boards(
+        "checkerboard", found, why, columns * rows, pitch, photos[0].size, centre, model, aspect, two_scales
+    )
+
+
+def calibrate_dots(
+    images: Sequence[Shaped[np.ndarray, "..."]],
+    columns: int,
+    rows: int,
+    pitch: float,
+    asymmetric: bool = False,
+    model: str = "spherical",
+    aspect: bool = False,
+    two_scales: bool = False,
+    response: AbstractResponse | None = None,
+) -> Calibration:
+    """The camera that photographed `columns` × `rows` dots. `pitch` in mm is the distance of neighbours; with
+    `asymmetric` (every second row shifted by half, as OpenCV has it) the distance of rows, half of that of dots in
+    a row. Raises ValueError that says what to photograph instead.
+    """
+    check_count("columns", columns)
+    check_count("rows", rows)
+    photos = [photograph_from(image, response) for image in check_same_size(images)]
+    found = [find_dots(photo, columns, rows, asymmetric) for photo in photos]
+    why = f"no grid of {columns} x {rows} dots found (70 % of them must show, off the picture's border)"
+    centre = photos[0].field_centre()
+    return _from_boards("dots", found, why, columns * rows, pitch, photos[0].size, centre, model, aspect, two_scales)
+
+
+def calibrate_points(
+    pixels: Sequence[Float[np.ndarray, "count 2"]],
+    targets: Sequence[Float[np.ndarray, "count 2"]],
+    size: tuple[int, int],
+    centre: tuple[float, float] | None = None,
+    model: str = "spherical",
+    aspect: bool = False,
+    two_scales: bool = False,
+    expected: int = 0,
+    target: str = "points",
+) -> Calibration:
+    """The camera that sees target points (mm, Y down) at pixels, one array of each per photograph.
+
+    `centre`: prior mean of the principal point, by default the middle of the image; `expected`: points on the target.
+    """
+    if model != "auto":
+        lens_named(model)
+    middle = centre or ((size[0] - 1) / 2, (size[1] - 1) / 2)
+    setup = _setup(pixels, targets, size, middle, aspect, two_scales)
+    first = _first_fit(setup, pixels, targets, middle)
+    start = first.parameters.copy()
+    flexible = fit("spherical-k", setup, start)
+    flexible = flexible if flexible.success else first
+    groups = _row_groups(setup)
+    scores = compare(setup, flexible, groups)
+    chosen = preferred(scores) if model == "auto" else score_named(scores, model)
+    found = fit(chosen.name, setup, chosen.fit.parameters, noise=chosen.fit.noise)
+    covariance = total_covariance(found, [groups, setup.observations.group])
+    views = [_view_result(found, covariance, i, expected or len(p)) for i, p in enumerate(pixels)]
+    extras = {"scale_ratio": float(np.exp(found.parameters[LENS_SIZE + 1]))} if two_scales else {}
+    return Calibration(
+        target, found, covariance, scores, views, [], warnings_of(found, covariance, views, scores), extras
+    )
+
+
+def _from_boards(target, boards: list[Board | None], why: str, expected: int, pitch, size, centre, model, aspect, two):
+    if not (np.isfinite(pitch) and pitch > 0):
+        raise ValueError(f"pitch must be a positive distance in mm, got {pitch:g}")
+    rejected = [(i, why) for i, board in enumerate(boards) if board is None]
+    kept = [(i, board) for i, board in enumerate(boards) if board is not None]
+    if not kept:
+        raise ValueError(
+            f"{why}, in none of {len(boards)} photograph(s). Keep the whole sheet in view, lit and in focus"
+        )
+    pixels = [board.pixel for _, board in kept]
+    targets = [pitch * board.place for _, board in kept]
+    found = calibrate_points(pixels, targets, size, centre, model, aspect, two, expected, target)
+    for view, (index, _) in zip(found.views, kept, strict=True):
+        object.__setattr__(view, "photograph", index)
+    found.rejected.extend(rejected)
+    return found
+
+
+def _setup(pixels, targets, size, centre, aspect: bool, two_scales: bool) -> Setup:
+    count, views = sum(map(len, pixels)), len(pixels)
+    rows = Rows(
+        pixel=np.concatenate(pixels).astype(float),
+        target=np.concatenate(targets).astype(float),
+        polarity=np.zeros(count),
+        shift=np.zeros(count),
+        group=np.repeat(np.arange(views), [len(p) for p in pixels]),
+    )
+    total = VIEWS_AT + VIEW_SIZE * views
+    free, prior, sd = np.zeros(total, bool), np.zeros(total), np.full(total, _LOOSE)
+    free[:3] = True
+    prior[1:3], sd[1:3] = centre, CENTRE_SD * size[0]
+    sd[SHAPE:LENS_SIZE] = SHAPE_SD
+    free[LENS_SIZE + 1], sd[LENS_SIZE + 1] = two_scales, RATIO_SD
+    free[VIEWS_AT:] = True
+    return Setup("points", rows, size, views, 1, free, prior, sd, np.zeros((count, 2)), aspect)
+
+
+def _first_fit(setup: Setup, pixels, targets, centre) -> Fit:
+    """The best of several starts of f, each with poses from homographies of its rays."""
+    outermost = max(float(np.max(np.hypot(*(p - np.array(centre)).T))) for p in pixels)
+    fits = []
+    for factor in _STARTS:
+        lens = start_lens(factor * outermost, *centre)
+        poses = [start_pose(lens_rays("spherical", lens, p), t) for p, t in zip(pixels, targets, strict=True)]
+        start = np.concatenate([lens, [0.0, 0.0], *poses])
+        found = fit("spherical", setup, start, rounds=2, noise=1.0)
+        if found.success:
+            fits.append(found)
+    if not fits:
+        raise ValueError(
+            "no fit of lens and poses to the points converged: are the columns, rows and the grid's kind right, and is "
+            "the sheet flat?"
+        )
+    best = min(fits, key=lambda found: float(np.median(np.abs(found.residual))))
+    if best.rms > WORST_RMS * setup.size[0]:
+        raise ValueError(
+            f"no lens and flat sheet fit the points (rms {best.rms:.1f} px): they were miscounted, or the sheet is "
+            "bent. Check columns, rows and the kind of grid; leave out photographs one by one to find the bad one"
+        )
+    return best
+
+
+def _row_groups(setup: Setup) -> np.ndarray:
+    """One group per photograph and row of the target."""
+    o = setup.observations
+    return np.unique(np.stack([o.group, np.round(o.target[:, 1], 6)]), axis=1, return_inverse=True)[1].ravel()
+
+
+def _view_result(found: Fit, covariance, view: int, expected: int) -> ViewResult:
+    rows = (found.setup.observations.group == view) & (found.weight > 0)
+    rms = float(np.sqrt(np.mean(np.sum(found.residual[rows] ** 2, axis=1)))) if rows.any() else float("nan")
+    return ViewResult(view, int(rows.sum()), expected, rms, pose_figures(found, covariance, view))
