@@ -39,11 +39,14 @@ def find_checkerboard(photo: Photograph, columns: int, rows: int) -> Board | Non
 def find_dots(photo: Photograph, columns: int, rows: int, asymmetric: bool) -> Board | None:
     """Dot centres on a lattice grown from our own dots, which knows the grid up to whole pitches (all that a pose
     needs); where too many of them are missing, by OpenCV's grid finder, which wants to see every dot."""
-    board = lattice_of_dots(photo, None if asymmetric else (columns, rows))
-    if board is not None and 0.7 * columns * rows <= len(board.pixel) <= columns * rows:
+    board = lattice_of_dots(photo)
+    if board is not None:
         # the shortest steps of an asymmetric grid are the diagonals of its pitch
         turned = np.stack([board.place[:, 0] - board.place[:, 1], board.place.sum(axis=1)], axis=1)
-        return Board(board.pixel, turned) if asymmetric else board
+        extent = (2 * columns, rows) if asymmetric else (columns, rows)
+        board = _inside(Board(board.pixel, turned if asymmetric else board.place), extent)
+        if 0.7 * columns * rows <= len(board.pixel) <= columns * rows:
+            return board
     index = _full_grid(columns, rows)
     if asymmetric:
         index = np.stack([2 * index[:, 0] + index[:, 1] % 2, index[:, 1]], axis=1)
@@ -58,19 +61,25 @@ def find_dots(photo: Photograph, columns: int, rows: int, asymmetric: bool) -> B
     return None
 
 
-def lattice_of_dots(photo: Photograph, size: tuple[int, int] | None = None) -> Board | None:
-    """Our own dots on a grown lattice; with `size` (columns, rows) the lattice must not be larger, nor less than half
-    of it."""
+def lattice_of_dots(photo: Photograph) -> Board | None:
+    """Our own dots on a grown lattice."""
     points = blobs(photo)
     rows, index = grow_lattice(points)
-    if len(rows) < 12:
-        return None
-    if size is not None:
-        extent = index.max(axis=0) + 1
-        fits = (extent <= size).all() or (extent[::-1] <= size).all()
-        if not fits or len(rows) < 0.5 * size[0] * size[1]:
-            return None
-    return Board(points[rows], index.astype(float))
+    return Board(points[rows], index.astype(float)) if len(rows) >= 12 else None
+
+
+def _inside(board: Board, extent: tuple[int, int]) -> Board:
+    """The points in the window of `extent` places, upright or lying, that holds most of them: specks beside the grid
+    may have joined the lattice."""
+    best = np.zeros(len(board.place), bool)
+    for wide, high in {extent, extent[::-1]}:
+        lowest = board.place.min(axis=0)
+        spare = np.maximum(np.ptp(board.place, axis=0) + 1 - (wide, high), 0).astype(int)
+        for shift in np.ndindex(spare[0] + 1, spare[1] + 1):
+            away = board.place - lowest - shift
+            inside = ((away >= 0) & (away < (wide, high))).all(axis=1)
+            best = inside if inside.sum() > best.sum() else best
+    return Board(board.pixel[best], board.place[best])
 
 
 def _refined(photo: Photograph, centres: Float[np.ndarray, "count 2"]) -> Float[np.ndarray, "count 2"]:

@@ -81,7 +81,8 @@ def _grow(points, tree: KDTree, seed: int, basis) -> dict[tuple[int, int], int]:
             moved = points[found] - points[index[at]]
             index[there] = int(found)
             taken.add(int(found))
-            local[there] = (0.5 * first + 0.5 * moved * i, second) if i else (first, 0.5 * second + 0.5 * moved * j)
+            # the step just made is the best guess of the next one
+            local[there] = (moved * i, second) if i else (first, moved * j)
             queue.append(there)
     return index
 

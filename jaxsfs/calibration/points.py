@@ -73,8 +73,8 @@ def calibrate_dots(
 
 
 def calibrate_points(
-    pixels: Sequence[Float[np.ndarray, "count 2"]],
-    targets: Sequence[Float[np.ndarray, "count 2"]],
+    pixels: Sequence[Float[np.ndarray, "_ 2"]],
+    targets: Sequence[Float[np.ndarray, "_ 2"]],
     size: tuple[int, int],
     centre: tuple[float, float] | None = None,
     model: str = "spherical",
