@@ -16,7 +16,7 @@ LAYERS = (
     ("rendering", "reconstruction", "photo", "field", "calibration"),
     ("evaluation", "mesh", "pictures"),
     ("files", "convert", "target"),
-    ("cli", "cli_calibration"),
+    ("cli",),
 )
 HEIGHT = {name: height for height, names in enumerate(LAYERS) for name in names}
 

@@ -71,21 +71,19 @@ def _run(words: list[str]) -> int:
 
         print(f"jaxsfs {version('jaxsfs')}")
         return 0
-    name = words[0]
+    name, words = _command(words)
     if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, 1)
-        hint = f"did you mean {near[0]!r}?" if near else f"commands: {', '.join(COMMANDS)}"
-        raise CannotRun(f"there is no command {name!r}; {hint} (jaxsfs --help)")
+        return _group_usage(name)
     import tyro
 
     module, function, _ = COMMANDS[name]
-    command_line.set(shlex.join(["jaxsfs", *words]))
+    command_line.set(shlex.join(["jaxsfs", *name.split(), *words]))
     command = getattr(importlib.import_module(module), function)
     try:
         outcome = tyro.cli(
             command,
             prog=f"jaxsfs {name}",
-            args=words[1:],
+            args=words,
             config=(tyro.conf.FlagCreatePairsOff,),
             use_underscores=False,
         )
@@ -94,9 +92,35 @@ def _run(words: list[str]) -> int:
     return outcome if isinstance(outcome, int) else 0
 
 
+def _command(words: list[str]) -> tuple[str, list[str]]:
+    """The command's name and the words after it. Some names have two words: `calibrate circles`; the first word alone,
+    or before --help, stands for the group."""
+    group = [name for name in COMMANDS if name.split()[0] == words[0] and " " in name]
+    name = " ".join(words[: 2 if group else 1])
+    if name in COMMANDS:
+        return name, words[len(name.split()) :]
+    if group and (len(words) == 1 or words[1] in ("-h", "--help")):
+        return words[0], words[1:]
+    near = difflib.get_close_matches(name, COMMANDS, 1)
+    hint = f"did you mean {near[0]!r}?" if near else f"commands: {', '.join(group or COMMANDS)}"
+    raise CannotRun(f"there is no command {name!r}; {hint} (jaxsfs --help)")
+
+
+def _group_usage(group: str) -> int:
+    print(f"usage: jaxsfs {group} KIND [OPTIONS]\n\nkinds:\n{_listed(group + ' ')}\n")
+    print(f"  jaxsfs {group} KIND --help     the options of a kind, with an example")
+    return 0
+
+
 def _usage() -> str:
+    return _USAGE.format(commands=_listed(""))
+
+
+def _listed(prefix: str) -> str:
+    """The commands whose names begin with `prefix`, a line each."""
     width = max(map(len, COMMANDS))
-    return _USAGE.format(commands="\n".join(f"  {name:<{width}}  {line}" for name, (_, _, line) in COMMANDS.items()))
+    chosen = {name: line for name, (_, _, line) in COMMANDS.items() if name.startswith(prefix)}
+    return "\n".join(f"  {name:<{width}}  {line}" for name, line in chosen.items())
 
 
 def _one_line(error: BaseException) -> str:
