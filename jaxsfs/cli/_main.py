@@ -15,6 +15,10 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "render": ("jaxsfs.cli._render", "render", "a synthetic endoscope view with its exact range and normals"),
     "evaluate": ("jaxsfs.cli._evaluate", "evaluate", "errors of a range or depth map against the truth"),
     "rectify": ("jaxsfs.cli._rectify", "rectify", "a wide-angle photograph as a perspective one"),
+    "target circles": ("jaxsfs.cli._target", "circles", "a printable page of concentric circles"),
+    "target grid": ("jaxsfs.cli._target", "grid", "a printable page of lines"),
+    "target checkerboard": ("jaxsfs.cli._target", "checkerboard", "a printable checkerboard"),
+    "target dots": ("jaxsfs.cli._target", "dots", "a printable page of dots"),
 }
 
 _USAGE = """usage: jaxsfs COMMAND [OPTIONS]

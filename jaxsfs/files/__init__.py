@@ -1,17 +1,41 @@
-"""Reading and writing: with the command line, the only code of the package that touches files."""
+"""Reading and writing: with the command line, the only code of the package that touches files.
 
-from jaxsfs.files._atomic import InputError as InputError
-from jaxsfs.files._atomic import output_folder as output_folder
-from jaxsfs.files._atomic import write_bytes as write_bytes
-from jaxsfs.files._maps import read_map as read_map
-from jaxsfs.files._maps import write_png as write_png
-from jaxsfs.files._maps import write_tiff as write_tiff
-from jaxsfs.files._meshes import write_mesh as write_mesh
-from jaxsfs.files._photo import Photo as Photo
-from jaxsfs.files._photo import read_image as read_image
-from jaxsfs.files._photo import read_mask as read_mask
-from jaxsfs.files._records import read_camera as read_camera
-from jaxsfs.files._records import read_json as read_json
-from jaxsfs.files._records import write_camera as write_camera
-from jaxsfs.files._records import write_json as write_json
-from jaxsfs.files._surface import write_surface as write_surface
+Names are imported when first used: a command that only writes bytes does not wait for JAX.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+_HOME = {
+    "_atomic": ("InputError", "output_folder", "read_bytes", "write_bytes"),
+    "_maps": ("read_map", "write_png", "write_tiff"),
+    "_meshes": ("write_mesh",),
+    "_photo": ("Photo", "read_image", "read_mask"),
+    "_records": ("read_camera", "read_json", "write_camera", "write_json"),
+    "_surface": ("write_surface",),
+}
+_MODULE_OF = {name: f"jaxsfs.files.{module}" for module, names in _HOME.items() for name in names}
+
+if TYPE_CHECKING:  # what the table says, for editors and type checkers
+    from jaxsfs.files._atomic import InputError as InputError
+    from jaxsfs.files._atomic import output_folder as output_folder
+    from jaxsfs.files._atomic import read_bytes as read_bytes
+    from jaxsfs.files._atomic import write_bytes as write_bytes
+    from jaxsfs.files._maps import read_map as read_map
+    from jaxsfs.files._maps import write_png as write_png
+    from jaxsfs.files._maps import write_tiff as write_tiff
+    from jaxsfs.files._meshes import write_mesh as write_mesh
+    from jaxsfs.files._photo import Photo as Photo
+    from jaxsfs.files._photo import read_image as read_image
+    from jaxsfs.files._photo import read_mask as read_mask
+    from jaxsfs.files._records import read_camera as read_camera
+    from jaxsfs.files._records import read_json as read_json
+    from jaxsfs.files._records import write_camera as write_camera
+    from jaxsfs.files._records import write_json as write_json
+    from jaxsfs.files._surface import write_surface as write_surface
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'jaxsfs.files' has no attribute {name!r}")
+    return getattr(importlib.import_module(_MODULE_OF[name]), name)
