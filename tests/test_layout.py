@@ -13,9 +13,9 @@ LAYERS = (
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading"),
     ("geometry", "levelset", "sweeping", "initial"),
-    ("rendering", "reconstruction", "photo", "field", "calibration"),
-    ("evaluation", "mesh", "pictures"),
-    ("files", "convert", "target"),
+    ("rendering", "reconstruction", "photo", "field"),
+    ("evaluation", "mesh", "pictures", "calibration"),
+    ("files", "convert", "target", "report"),
     ("cli",),
 )
 HEIGHT = {name: height for height, names in enumerate(LAYERS) for name in names}

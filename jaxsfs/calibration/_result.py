@@ -146,7 +146,7 @@ def alpha_max_deg(found: Fit) -> float:
 
 
 def pose_figures(found: Fit, covariance: Float[np.ndarray, "size size"], view: int) -> dict[str, Any]:
-    """Height (mm), tilt (degrees) and offset (mm) of one photograph with the height's 1σ."""
+    """Height (mm) with its 1σ, tilt (degrees), offset (mm) and rotation vector (radians) of one photograph."""
     pose = found.pose(view)
     at = VIEWS_AT + VIEW_SIZE * view + 5
     height = float(pose.height)
@@ -156,4 +156,5 @@ def pose_figures(found: Fit, covariance: Float[np.ndarray, "size size"], view: i
         "tilt_deg": float(np.degrees(float(pose.tilt()))),
         "offset_x_mm": float(pose.offset[0]),
         "offset_y_mm": float(pose.offset[1]),
+        "rotation": [float(part) for part in pose.rotation],
     }

@@ -1,0 +1,209 @@
+"""Which response and which fall-off explain white paper: candidates by least squares in stored values, and BIC.
+
+stored ≈ response(gain·geometry·V(cos α)),   noise being even in stored values.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import least_squares
+
+from jaxsfs.photometry import (
+    AbstractResponse,
+    CosineFalloff,
+    ExponentialFalloff,
+    GammaResponse,
+    LinearResponse,
+    SRGBResponse,
+)
+
+SEPARABLE = 0.02  # relative sd of γ above which response and fall-off are not told apart
+_INDEPENDENT = 0.1  # share of the cells that count: neighbours share errors of shading, paper and lens
+_LEAST_NOISE = 0.001  # in stored values: paper is not quite even
+_LIKE_SRGB = 2.2
+_NAMES = ("ln_gain", "mu", "ln_gamma")
+_FALLOFFS = {"cos": CosineFalloff, "exp": ExponentialFalloff}
+
+
+@dataclasses.dataclass(frozen=True)
+class Cells:
+    """Bare paper: `stored` values per channel, `geometry` = ln(exposure·(n·d)³/h²), `cosine` of α; the channels'
+    `weights` in linear light (sum 1)."""
+
+    stored: Float[np.ndarray, "cells channels"]
+    geometry: Float[np.ndarray, " cells"]
+    cosine: Float[np.ndarray, " cells"]
+    weights: Float[np.ndarray, " channels"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """A response ("srgb", "linear" or "gamma", its γ `held` or free) with a fall-off ("cos" or "exp")."""
+
+    response: str
+    falloff: str
+    held: float | None = None
+
+    @property
+    def free(self) -> int:
+        return 3 if self.response == "gamma" and self.held is None else 2
+
+    def curve(self, parameters: Float[np.ndarray, " n"]) -> AbstractResponse:
+        if self.response == "gamma":
+            return GammaResponse(self.held or float(np.exp(parameters[2])))
+        return SRGBResponse() if self.response == "srgb" else LinearResponse()
+
+    def light(self, parameters: Float[np.ndarray, " n"], geometry, cosine) -> np.ndarray:
+        """gain·geometry·V."""
+        falloff = _FALLOFFS[self.falloff](float(parameters[1]))
+        return np.exp(parameters[0] + geometry) * np.asarray(falloff(jnp.asarray(cosine)))
+
+    def misfit(self, parameters: Float[np.ndarray, " n"], cells: Cells) -> Float[np.ndarray, " cells"]:
+        """Seen minus predicted stored value of the channel."""
+        curve = self.curve(parameters)
+        predicted = curve.encode(jnp.asarray(self.light(parameters, cells.geometry, cells.cosine)))
+        if cells.stored.shape[1] == 1:
+            return cells.stored[:, 0] - np.asarray(predicted)
+        mixed = jnp.asarray(np.asarray(curve.decode(jnp.asarray(cells.stored))) @ cells.weights)
+        return np.asarray(curve.encode(mixed)) - np.asarray(predicted)
+
+
+@dataclasses.dataclass(frozen=True)
+class WhiteFit:
+    """A model fitted to the cells: `parameters` (ln gain, μ, ln γ), `covariance`, `rms` in stored values, `bic`."""
+
+    model: Model
+    parameters: Float[np.ndarray, " n"]
+    covariance: Float[np.ndarray, "n n"]
+    rms: float
+    bic: float
+
+    @property
+    def gain(self) -> float:
+        return float(np.exp(self.parameters[0]))
+
+    @property
+    def mu(self) -> float:
+        return float(self.parameters[1])
+
+    @property
+    def gamma(self) -> float:
+        """γ of a power law. Only models with response "gamma" have one."""
+        return self.model.held or float(np.exp(self.parameters[2]))
+
+    def sd(self, name: str) -> float:
+        return float(np.sqrt(self.covariance[_NAMES.index(name), _NAMES.index(name)]))
+
+    @property
+    def response_text(self) -> str:
+        return f"gamma:{self.gamma:.5g}" if self.model.response == "gamma" else self.model.response
+
+    @property
+    def falloff_text(self) -> str:
+        return f"{self.model.falloff}:{self.mu:.5g}"
+
+    def product(self) -> float:
+        """(3 + μ)/γ: both fall-offs start as 1 − μ α²/2."""
+        return (3 + self.mu) / self.gamma
+
+    def product_sd(self) -> float:
+        slope = np.array([0.0, 1.0, -(3 + self.mu)])[: len(self.parameters)] / self.gamma
+        return float(np.sqrt(slope @ self.covariance @ slope))
+
+    def predicted(self, geometry, cosine) -> np.ndarray:
+        """Stored value of paper."""
+        light = self.model.light(self.parameters, geometry, cosine)
+        return np.asarray(self.model.curve(self.parameters).encode(jnp.asarray(light)))
+
+    def row(self) -> dict[str, Any]:
+        return {"response": self.response_text, "falloff": self.falloff_text, "rms": self.rms, "bic": self.bic}
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """The `chosen` fit, the best `power_law` (with γ free if `separated`, else held and V = cos^μ α), all fits
+    `ranked`, `how` the response came ("given", "separated" or "held"), and γ's 1σ for
+    any smooth fall-off."""
+
+    chosen: WhiteFit
+    power_law: WhiteFit
+    ranked: list[WhiteFit]
+    how: str
+    gamma_sd: float
+
+    @property
+    def separated(self) -> bool:
+        return self.how == "separated"
+
+
+def compare_models(cells: Cells, gamma: float | None, held: str) -> Comparison:
+    """All candidates on the same inliers. `gamma` given holds the power law; `held` is the response to fall back on."""
+    kept = _inliers(cells)
+    cells = Cells(cells.stored[kept], cells.geometry[kept], cells.cosine[kept], cells.weights)
+    laws = {name: fit_model(Model("gamma", name, gamma), cells) for name in _FALLOFFS}
+    if gamma is not None:
+        ranked = _ranked(list(laws.values()))
+        return Comparison(ranked[0], laws["cos"], ranked, "given", 0.0)
+    others = [fit_model(Model(response, name), cells) for response in ("srgb", "linear") for name in _FALLOFFS]
+    law = min(laws.values(), key=lambda one: one.bic)
+    gamma_sd = _gamma_sd(cells, law)
+    if gamma_sd < SEPARABLE:
+        ranked = _ranked([*laws.values(), *others])
+        return Comparison(ranked[0], law, ranked, "separated", gamma_sd * law.gamma)
+    ranked = _ranked([one for one in others if one.model.response == held])
+    power_law = fit_model(Model("gamma", "cos", _LIKE_SRGB if held == "srgb" else 1.0), cells)
+    return Comparison(ranked[0], power_law, ranked, "held", gamma_sd)
+
+
+def _ranked(fits: list[WhiteFit]) -> list[WhiteFit]:
+    return sorted(fits, key=lambda one: one.bic)
+
+
+def _gamma_sd(cells: Cells, law: WhiteFit) -> float:
+    """Relative sd of γ for any smooth fall-off, by the line in logarithms
+
+        ln stored = geometry/γ + a ln cos α + b (1 − cos α) + c (1 − cos α)² + constant.
+
+    A family of fall-offs with one parameter would separate a square view, by its mere form.
+    """
+    fall = 1 - cells.cosine
+    design = np.stack([cells.geometry, np.log(cells.cosine), fall, fall**2, np.ones_like(fall)], axis=1)
+    stored = law.predicted(cells.geometry, cells.cosine)
+    rows = design * stored[:, None]  # noise is even in stored values
+    noise = max(law.rms, _LEAST_NOISE) / np.sqrt(_INDEPENDENT)
+    return law.gamma * noise * float(np.sqrt(_inverse(rows.T @ rows)[0, 0]))
+
+
+def fit_model(model: Model, cells: Cells, loss: str = "linear") -> WhiteFit:
+    """Least squares in stored values, from the power law of sRGB and no fall-off."""
+    start = np.array([0.0, 0.5, np.log(_LIKE_SRGB)])[: model.free]
+    light = np.asarray(model.curve(start).decode(jnp.asarray(cells.stored))) @ cells.weights
+    start[0] = float(np.median(np.log(np.maximum(light, 1e-6)) - cells.geometry))
+    low = np.array([-np.inf, -20.0, np.log(0.2)])[: model.free]
+    found = least_squares(
+        model.misfit, start, args=(cells,), bounds=(low, -low), loss=loss, f_scale=0.01, x_scale="jac"
+    )
+    misfit = model.misfit(found.x, cells)
+    mean_square = float(np.mean(misfit**2))
+    count = _INDEPENDENT * len(misfit)
+    covariance = mean_square / _INDEPENDENT * _inverse(found.jac.T @ found.jac)
+    bic = count * np.log(mean_square) + model.free * np.log(count)
+    return WhiteFit(model, found.x, covariance, float(np.sqrt(mean_square)), float(bic))
+
+
+def _inliers(cells: Cells) -> Bool[np.ndarray, " cells"]:
+    """Within 3.5 robust sd of the best of the flexible models under a loss that forgives outliers."""
+    fits = [fit_model(Model("gamma", name), cells, "soft_l1") for name in _FALLOFFS]
+    gaps = [one.model.misfit(one.parameters, cells) for one in fits]
+    gap = min(gaps, key=lambda gap: float(np.median(np.abs(gap))))
+    return np.abs(gap) < 3.5 * 1.4826 * np.median(np.abs(gap)) + 1e-3
+
+
+def _inverse(normal: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """The inverse, huge (not small, as the pseudo-inverse's) in directions that the data do not feel."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
+    return (vectors / np.maximum(values, 1e-9)) @ vectors.T * np.outer(scale, scale)

@@ -1,0 +1,162 @@
+"""`jaxsfs calibrate circles|grid|checkerboard|dots`: a camera file from photographs of a printed target."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional
+
+from jaxsfs.cli._options import FLAT, value
+from jaxsfs.cli._terminal import CannotRun, jax_session
+
+
+@dataclasses.dataclass(frozen=True)
+class CalibrateOptions:
+    # Photographs of the target, all from one camera mode.
+    images: Annotated[Positional[list[Path]], value("IMAGE")]
+    # Camera file to write; the report goes beside it, as NAME.report.html.
+    out: Annotated[Path, value("FILE")]
+    # Lens model: spherical, spherical-k, equisolid, equidistant, stereographic, perspective, kannala-brandt-2,
+    # kannala-brandt, scaramuzza; auto takes the one that the comparison prefers.
+    model: Annotated[str, value("NAME|auto")] = "spherical"
+    # Fit the aspect of the pixels as well.
+    aspect: bool = False
+    # The photographs' tone curve; edges keep their place in linear light only.
+    response: Annotated[str, value("auto|srgb|linear|gamma:G")] = "auto"
+    # Replace an earlier camera file and report.
+    force: bool = False
+    # Print the camera file (with all figures) instead of a summary.
+    json: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class CirclesOptions(CalibrateOptions):
+    # Radii in mm of all printed circles, from the inside out.
+    radii: Annotated[tuple[float, ...], value("MM")] = ()
+    # Distance in mm of the lens from the sheet, if it was measured: a hint, never taken as exact.
+    height: Annotated[float | None, value("MM", default="unknown")] = None
+    # How well the height is known, as a fraction of it.
+    height_tolerance: Annotated[float, value("FRACTION")] = 0.02
+
+
+@dataclasses.dataclass(frozen=True)
+class BoardOptions(CalibrateOptions):
+    # Columns of inner corners (checkerboard) or dots.
+    columns: Annotated[int | None, value("N", default="required")] = None
+    # Rows of inner corners or dots.
+    rows: Annotated[int | None, value("N", default="required")] = None
+    # Distance in mm between neighbours.
+    pitch: Annotated[float | None, value("MM", default="required")] = None
+    # Let the two scales of the sheet differ (printers often stretch one by some per mille).
+    two_scales: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class DotsOptions(BoardOptions):
+    # Every second row is shifted by half; pitch is then the distance between rows.
+    asymmetric: bool = False
+
+
+def circles(options: Annotated[CirclesOptions, FLAT]) -> int:
+    """The camera from photographs of concentric circles of known radii (the paper's eqs. 19 and 20 start the fit).
+
+    For example:
+      jaxsfs target circles --radii 5 10 15 20 25 30 --out target.pdf
+      jaxsfs calibrate circles A.png B.png --radii 5 10 15 20 25 30 --out camera.json
+    """
+    if not options.radii:
+        raise CannotRun("--radii is missing: list the radius in mm of every printed circle, such as --radii 5 10 15")
+    with jax_session(64):
+        from jaxsfs.calibration import calibrate_circles
+
+        return _run(
+            options,
+            lambda given: calibrate_circles(
+                given.images,
+                options.radii,
+                options.height,
+                options.height_tolerance,
+                options.model,
+                options.aspect,
+                given.response,
+            ),
+        )
+
+
+def grid(options: Annotated[CalibrateOptions, FLAT]) -> int:
+    """The camera from photographs of a printed grid (lines, dots or checkerboard) of unknown size: lines are straight.
+
+    For example:
+      jaxsfs target grid --out target.pdf
+      jaxsfs calibrate grid A.png --out camera.json
+    """
+    with jax_session(64):
+        from jaxsfs.calibration import calibrate_grid
+
+        return _run(options, lambda given: calibrate_grid(given.images, options.model, options.aspect, given.response))
+
+
+def checkerboard(options: Annotated[BoardOptions, FLAT]) -> int:
+    """The camera from photographs of a checkerboard; columns and rows count inner corners, not squares.
+
+    For example:
+      jaxsfs calibrate checkerboard A.png B.png --columns 7 --rows 6 --pitch 2 --out camera.json
+    """
+    columns, rows, pitch = _sizes(options)
+    with jax_session(64):
+        from jaxsfs.calibration import calibrate_checkerboard
+
+        return _run(
+            options,
+            lambda given: calibrate_checkerboard(
+                given.images,
+                columns,
+                rows,
+                pitch,
+                options.model,
+                options.aspect,
+                options.two_scales,
+                given.response,
+            ),
+        )
+
+
+def dots(options: Annotated[DotsOptions, FLAT]) -> int:
+    """The camera from photographs of a grid of dots.
+
+    For example:
+      jaxsfs calibrate dots A.png B.png --columns 19 --rows 10 --pitch 5.28 --out camera.json
+    """
+    columns, rows, pitch = _sizes(options)
+    with jax_session(64):
+        from jaxsfs.calibration import calibrate_dots
+
+        return _run(
+            options,
+            lambda given: calibrate_dots(
+                given.images,
+                columns,
+                rows,
+                pitch,
+                options.asymmetric,
+                options.model,
+                options.aspect,
+                options.two_scales,
+                given.response,
+            ),
+        )
+
+
+def _sizes(options: BoardOptions) -> tuple[int, int, float]:
+    if options.columns is None or options.rows is None or options.pitch is None:
+        raise CannotRun("--columns, --rows and --pitch (mm) are all needed: they say what was printed")
+    return options.columns, options.rows, options.pitch
+
+
+def _run(options: CalibrateOptions, calibrate) -> int:
+    from jaxsfs.cli import _calibration_input, _calibration_output
+
+    _calibration_output.check_target(options.out, options.force)
+    given = _calibration_input.read_photographs(options.images, options.response)
+    found = calibrate(given)
+    return _calibration_output.write(options, given, found)

@@ -1,0 +1,140 @@
+"""The pictures of a calibration's report."""
+
+from itertools import pairwise
+
+import cv2
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, UInt8
+from matplotlib.figure import Figure
+
+from jaxsfs.calibration import Calibration, observations
+from jaxsfs.camera import AbstractCentralCamera, perspective_like, rectification_map
+
+_ARROW_PX = 0.04  # of the image width: length of the 95th-percentile residual in the picture
+
+
+def detections(found: Calibration, photograph: UInt8[np.ndarray, "height width 3"], view: int) -> Figure:
+    """Used and left-out observations over the photograph, with the residuals as magnified arrows."""
+    seen = observations(found)
+    mine = seen.view == view
+    used, left = mine & seen.used, mine & ~seen.used
+    size = np.hypot(*seen.residual[used].T)
+    scale = _ARROW_PX * photograph.shape[1] / max(float(np.percentile(size, 95)) if size.size else 1.0, 1e-9)
+    figure = Figure(figsize=(8, 8 * photograph.shape[0] / photograph.shape[1] + 0.4), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(photograph)
+    axes.plot(*seen.pixel[left].T, "x", color="#ff5a4f", ms=3, label=f"left out ({left.sum()})")
+    axes.plot(*seen.pixel[used].T, ".", color="#29d3ff", ms=2, label=f"used ({used.sum()})")
+    every = max(1, int(used.sum()) // 400)
+    at, arrow = seen.pixel[used][::every], seen.residual[used][::every] * scale
+    axes.quiver(*at.T, *arrow.T, angles="xy", scale_units="xy", scale=1, color="#ffd21f", width=0.002)
+    axes.plot(found.fit.parameters[1], found.fit.parameters[2], "+", color="#ff3df0", ms=14, mew=1.5)
+    axes.set(xlim=(-0.5, photograph.shape[1] - 0.5), ylim=(photograph.shape[0] - 0.5, -0.5))
+    axes.set_title(f"photograph {found.views[view].photograph + 1}: residuals ×{scale:.0f}, + principal point")
+    axes.legend(loc="lower right", fontsize="small")
+    return figure
+
+
+def residual_against_angle(found: Calibration) -> Figure:
+    """Signed residual, outward from the principal point, against the angle from the axis. A wrong lens model shows as
+    a pattern of signs."""
+    seen = observations(found)
+    away = seen.pixel - found.fit.parameters[1:3]
+    outward = away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
+    signed = np.sum(seen.residual * outward, axis=1)[seen.used]
+    angle = seen.alpha_deg[seen.used]
+    figure = Figure(figsize=(8, 3.2), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(angle, signed, ".", ms=2, alpha=0.4, color="#2b6cb0")
+    middles, medians = _binned(angle, signed)
+    axes.plot(middles, medians, "-o", color="#c05621", ms=4, label="median")
+    limit = 1.3 * max(float(np.percentile(np.abs(signed), 99)), 1e-6)
+    axes.axhline(0, color="0.5", lw=0.8)
+    axes.set(xlabel="angle from the axis / degrees", ylabel="outward residual / px", ylim=(-limit, limit))
+    axes.legend()
+    return figure
+
+
+def _binned(angle: Float[np.ndarray, " n"], value: Float[np.ndarray, " n"]) -> tuple[list[float], list[float]]:
+    bins = list(pairwise(np.linspace(0, max(float(angle.max()), 1.0), 15)))
+    rows = [(angle >= low) & (angle < high) for low, high in bins]
+    middles = [0.5 * float(low + high) for low, high in bins]
+    filled = [(m, float(np.median(value[r]))) for m, r in zip(middles, rows, strict=True) if r.sum() >= 5]
+    return [m for m, _ in filled], [v for _, v in filled]
+
+
+def coverage_and_uncertainty(found: Calibration) -> Figure:
+    """Where in the image there are observations, and the sd in px of where a direction is seen."""
+    seen, (width, height) = observations(found), found.fit.setup.size
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    counts, _, _ = np.histogram2d(
+        *seen.pixel[seen.used].T, bins=(24, max(2, round(24 * height / width))), range=((0, width), (0, height))
+    )
+    shown = left.imshow(counts.T, extent=(0, width, height, 0), cmap="Blues")
+    figure.colorbar(shown, ax=left, shrink=0.8, label="observations")
+    left.set_title("coverage")
+    spread = found.uncertainty_map()
+    inside = np.isfinite(spread)
+    top = float(np.percentile(spread[inside], 98)) if inside.any() else 1.0
+    shown = right.imshow(spread, extent=(0, width, height, 0), cmap="magma", vmin=0, vmax=max(top, 1e-6))
+    figure.colorbar(shown, ax=right, shrink=0.8, label="1σ / px")
+    right.set_title("uncertainty of where a direction is seen")
+    return figure
+
+
+def models(found: Calibration) -> Figure:
+    """Image radius against angle of the lens models that fit at all, as a difference from the chosen one."""
+    seen = observations(found)
+    reach = float(np.percentile(seen.alpha_deg[seen.used], 99.5))
+    angle = np.radians(np.linspace(0, reach, 60))
+    points = jnp.asarray(np.stack([np.sin(angle), np.zeros(60), np.cos(angle)], axis=1))
+    figure = Figure(figsize=(8, 3.4), layout="constrained")
+    axes = figure.subplots()
+    own = _radii(found.camera, points)
+    for score in (score for score in found.comparison if score.rms < 5 * found.fit.rms + 0.5):
+        axes.plot(np.degrees(angle), _radii(score.fit.camera, points) - own, label=f"{score.name} ({score.rms:.3f} px)")
+    axes.set(xlabel="angle from the axis / degrees", ylabel=f"r − r of {found.fit.name} / px")
+    spread = 4 * found.fit.rms + 1.0
+    axes.set_ylim(-spread, spread)
+    axes.legend(fontsize="x-small", ncols=3)
+    return figure
+
+
+def _radii(camera: AbstractCentralCamera, points) -> np.ndarray:
+    pixel = np.asarray(jax.vmap(camera.project)(points), float)
+    return pixel[:, 0] - pixel[0, 0]
+
+
+def straightness(found: Calibration) -> Figure:
+    """Three scores of straightness against f (the paper's Figure 3 in numbers)."""
+    curve = {name: np.array(values) for name, values in found.extras["straightness"].items()}
+    figure = Figure(figsize=(8, 3.4), layout="constrained")
+    axes = figure.subplots()
+    for name, label in (
+        ("sampson_px", "Sampson distance, px of the photograph"),
+        ("unwarped", "straightness in the unwarped picture (→ 0 as f → ∞)"),
+        ("angle_px", "f × angle from the great circle (→ 0 as f → 0)"),
+    ):
+        values = curve[name] / curve["f"] if name == "unwarped" else curve[name]
+        axes.semilogy(curve["f"], values / values.max(), label=label)
+    axes.axvline(found.fit.f, color="0.5", lw=0.8)
+    axes.set(xlabel="f / px", ylabel="score / its maximum")
+    axes.legend(fontsize="small")
+    return figure
+
+
+def rectified(camera: AbstractCentralCamera, photograph: UInt8[np.ndarray, "height width 3"]) -> Figure:
+    """The photograph before and after rectification at the fitted camera: straight lines become straight."""
+    target = perspective_like(camera)
+    seen_at = np.asarray(rectification_map(camera, target), np.float32)
+    seen_at = np.where(np.isfinite(seen_at), seen_at, -2)
+    flat = cv2.remap(photograph, seen_at[..., 0], seen_at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    figure = Figure(figsize=(9, 4.5 * photograph.shape[0] / photograph.shape[1] + 0.5), layout="constrained")
+    for axes, image, title in zip(figure.subplots(1, 2), (photograph, flat), ("stored", "rectified"), strict=True):
+        axes.imshow(image)
+        axes.set_title(title)
+        axes.set_axis_off()
+    return figure

@@ -1,0 +1,69 @@
+"""The report of a white target: how light falls off with the angle, and what stands for it."""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import UInt8
+from matplotlib.figure import Figure
+
+from jaxsfs.calibration import WhiteCalibration
+from jaxsfs.photometry import parse_falloff
+from jaxsfs.report._page import code, heading, page, paragraph, picture, table
+
+
+def white_page(
+    found: WhiteCalibration,
+    photographs: Sequence[UInt8[np.ndarray, "_height _width 3"]],
+    names: Sequence[str],
+    made_by: Mapping[str, Any],
+) -> str:
+    """A self-contained HTML page on `found`; `photographs` with their `names`, `made_by` what to record."""
+    parts = [paragraph(found.note, "verdict"), heading("Photometry"), table(_rows(found))]
+    parts += [heading("Fall-off"), picture(_falloff(found), "fall-off against the angle from the axis")]
+    parts += [heading("Models tried, best first")]
+    header = list(found.models[0]) if found.models else []
+    parts.append(table([tuple(row.values()) for row in found.models], header))
+    parts += [heading("Photographs")]
+    parts += [picture(_plain(image), name) for image, name in zip(photographs, names, strict=True)]
+    parts += [heading("How it was made"), code(json.dumps({**made_by, **found.figures()}, indent=2, default=str))]
+    return page("White target", parts)
+
+
+def white_summary(found: WhiteCalibration) -> list[str]:
+    """The result in lines of text."""
+    return [found.note, *(f"{name}: {text}" for name, text in _rows(found))]
+
+
+def _rows(found: WhiteCalibration) -> list[tuple[str, str]]:
+    rows = [("response", found.response), ("fall-off", f"{found.falloff} ± {found.mu_sd:.2g}")]
+    if found.gamma is not None and found.gamma_sd is not None:
+        rows.append(("gamma of a pure power law", f"{found.gamma:.4g} ± {found.gamma_sd:.2g}"))
+    return [
+        *rows,
+        ("(3 + μ)/γ", f"{found.product:.4g} ± {found.product_sd:.2g}"),
+        ("gain·ρ", f"{found.gain_albedo:.5g} ± {found.gain_albedo_sd:.2g} mm² ({found.channel})"),
+        ("residual", f"{found.rms:.4f} of full scale over {found.cells} cells of paper"),
+    ]
+
+
+def _falloff(found: WhiteCalibration) -> Figure:
+    figure = Figure(figsize=(8, 3.4), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(found.alpha_deg, found.measured, "o", label="measured, bins of 5°")
+    angle = np.linspace(0, max([*found.alpha_deg, 10.0]), 100)
+    cosine = jnp.cos(jnp.asarray(np.radians(angle)))
+    axes.plot(angle, np.asarray(parse_falloff(found.falloff)(cosine)), label=found.falloff)
+    axes.set(xlabel="angle from the axis / degrees", ylabel="light relative to the axis", ylim=(0, None))
+    axes.legend()
+    return figure
+
+
+def _plain(image: UInt8[np.ndarray, "height width 3"]) -> Figure:
+    figure = Figure(figsize=(5, 5 * image.shape[0] / image.shape[1]), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(image)
+    axes.set_axis_off()
+    return figure
