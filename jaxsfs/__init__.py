@@ -73,6 +73,7 @@ _HOME = {
     "jaxsfs.evaluation": ("Evaluation", "evaluate"),
     "jaxsfs.mesh": ("mesh_from_surface",),
     "jaxsfs.pictures": ("depth_picture", "shaded_picture"),
+    "jaxsfs.convert": ("export_camera", "import_camera"),
     "jaxsfs.files": ("InputError", "read_camera", "read_image", "read_map", "read_mask", "write_camera"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -124,6 +125,12 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.camera import (
         rectification_map as rectification_map,
+    )
+    from jaxsfs.convert import (
+        export_camera as export_camera,
+    )
+    from jaxsfs.convert import (
+        import_camera as import_camera,
     )
     from jaxsfs.evaluation import (
         Evaluation as Evaluation,

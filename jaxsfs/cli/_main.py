@@ -20,6 +20,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "calibrate dots": ("jaxsfs.cli._calibrate", "dots", "a camera from a grid of dots"),
     "calibrate white": ("jaxsfs.cli._calibrate_white", "white", "response, fall-off and gain from white paper"),
     "rectify": ("jaxsfs.cli._rectify", "rectify", "a wide-angle photograph as a perspective one"),
+    "convert": ("jaxsfs.cli._convert", "convert", "camera files of other programs, both ways"),
     "target circles": ("jaxsfs.cli._target", "circles", "a printable page of concentric circles"),
     "target grid": ("jaxsfs.cli._target", "grid", "a printable page of lines"),
     "target checkerboard": ("jaxsfs.cli._target", "checkerboard", "a printable checkerboard"),
