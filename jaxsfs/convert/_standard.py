@@ -67,7 +67,7 @@ def camera_of(standard: Standard, tolerance: Scalar) -> tuple[Perspective | Kann
         return KannalaBrandt(**common, k=(k1, k2, k3, k4)), None
     rays, pixels = radtan_samples(size, (fx, fy, cx, cy), coefficients)
     camera, misfit = fisheye_of_samples(rays, pixels, size, (fx, fy, cx, cy))
-    if misfit.largest > tolerance:
+    if not misfit.largest <= tolerance:  # nan accepts nothing
         raise ValueError(
             f"the nearest camera of ours misses this lens by {misfit.largest:.3g} px at most, rms {misfit.rms:.3g}, "
             f"more than {tolerance:g} px; raise the tolerance (--tolerance) to accept it, or calibrate anew"
