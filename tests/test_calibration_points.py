@@ -117,3 +117,32 @@ def test_mirocam_boards_are_detected_and_the_fit_is_sane(data):
     assert len(found.views) >= 5
     assert found.camera.f == pytest.approx(215.0, rel=0.08)
     assert found.fit.rms < 1.0
+
+
+def test_endocal_rays_agree_with_the_published_calibration(data):
+    """Two frames of eleven; the published camera is OpenCV's with radial terms. This scope is equisolid."""
+    frames = [colour(data / "endocal_circles" / name) for name in ("frame_001.jpg", "frame_003.jpg")]
+    found = calibrate_dots(frames, 3, 11, 1.0, asymmetric=True, model="auto", stretch=1.5)
+    assert found.fit.name == "equisolid"
+    matrix = np.array([[438.08, 0, 995.83], [0, 438.36, 547.81], [0, 0, 1]])
+    distortion = np.array([-0.34387447, 0.13960969, 0, 0, -0.05407863])
+    u, v = np.meshgrid(np.arange(740.0, 1260, 20), np.arange(290.0, 810, 20))
+    pixel = np.stack([u.ravel(), v.ravel()], axis=1)
+    pixel = pixel[np.hypot(*(pixel - [995.83, 547.81]).T) < 250]
+    published = np.column_stack([cv2.undistortPoints(pixel[:, None], matrix, distortion)[:, 0], np.ones(len(pixel))])
+    published /= np.linalg.norm(published, axis=1, keepdims=True)
+    ours = np.array(jax.vmap(found.camera.ray)(jnp.asarray(pixel)))
+    # a common turn belongs to the pose
+    u_, _, vt = np.linalg.svd(published.T @ ours)
+    angle = np.degrees(np.arccos(np.clip(np.sum(published * (ours @ (u_ @ vt).T), axis=1), -1, 1)))
+    assert angle.max() < 0.15
+
+
+def test_a_photograph_whose_points_do_not_fit_is_left_out():
+    grid = np.stack(np.meshgrid(np.arange(-4.0, 5.0), np.arange(-3.0, 4.0)), axis=-1).reshape(-1, 2) * 3
+    pixels = [project(pose, grid) for pose in (*POSES, tilted(5.0, 10.0, 20.0))]
+    miscounted = np.random.default_rng(0).permutation(grid)
+    found = calibrate_points(pixels, [grid, miscounted, grid], (640, 480))
+    assert [view.photograph for view in found.views] == [0, 2]
+    assert found.rejected[0][0] == 1
+    assert found.camera.f == pytest.approx(320.0, abs=1e-2)

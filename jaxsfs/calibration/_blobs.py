@@ -6,6 +6,8 @@ from jaxtyping import Float
 
 from jaxsfs.calibration._field import Photograph
 
+_SPECK = 0.06  # of the typical area: smaller spots are grain
+
 
 def blobs(photo: Photograph, dark: bool = True, least_area: int = 12) -> Float[np.ndarray, "count 2"]:
     """Centres (u, v) of compact dark (or bright) spots wholly inside the usable field.
@@ -17,7 +19,7 @@ def blobs(photo: Photograph, dark: bool = True, least_area: int = 12) -> Float[n
     inside = np.logical_and(contrast > 0.5, photo.field)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8), connectivity=4)
     largest = (0.02 if dark else 0.08) * photo.grey.size
-    centres = []
+    centres, areas = [], []
     for label in range(1, count):
         left, top, width, height, area = stats[label]
         if not least_area <= area <= largest or min(width, height) < 3:
@@ -36,7 +38,15 @@ def blobs(photo: Photograph, dark: bool = True, least_area: int = 12) -> Float[n
         v, u = np.nonzero(grown)
         w = np.clip(weight[window][grown], 0, None)
         centres.append((np.sum(w * u) / w.sum() + window[1].start, np.sum(w * v) / w.sum() + window[0].start))
-    return np.array(centres, float).reshape(-1, 2)
+        areas.append(area)
+    found, size = np.array(centres, float).reshape(-1, 2), np.array(areas, float)
+    return found[size > _SPECK * _typical_area(size)] if dark else found
+
+
+def _typical_area(areas: Float[np.ndarray, " count"]) -> float:
+    """The area at which half of the spots' total area lies in larger ones: dots count, grain does not."""
+    ordered = np.sort(areas)
+    return float(ordered[np.searchsorted(np.cumsum(ordered), ordered.sum() / 2)]) if len(areas) else 0.0
 
 
 def _contrast(photo: Photograph, dark: bool) -> tuple[np.ndarray, np.ndarray]:

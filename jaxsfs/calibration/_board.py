@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jaxsfs.calibration._blobs import blobs
 from jaxsfs.calibration._field import Photograph
@@ -44,7 +44,7 @@ def find_dots(photo: Photograph, columns: int, rows: int, asymmetric: bool) -> B
         # the shortest steps of an asymmetric grid are the diagonals of its pitch
         turned = np.stack([board.place[:, 0] - board.place[:, 1], board.place.sum(axis=1)], axis=1)
         extent = (2 * columns, rows) if asymmetric else (columns, rows)
-        board = _inside(Board(board.pixel, turned if asymmetric else board.place), extent)
+        board = _smooth(_inside(Board(board.pixel, turned if asymmetric else board.place), extent))
         if 0.7 * columns * rows <= len(board.pixel) <= columns * rows:
             return board
     index = _full_grid(columns, rows)
@@ -69,17 +69,40 @@ def lattice_of_dots(photo: Photograph) -> Board | None:
 
 
 def _inside(board: Board, extent: tuple[int, int]) -> Board:
-    """The points in the window of `extent` places, upright or lying, that holds most of them: specks beside the grid
-    may have joined the lattice."""
-    best = np.zeros(len(board.place), bool)
-    for wide, high in {extent, extent[::-1]}:
-        lowest = board.place.min(axis=0)
-        spare = np.maximum(np.ptp(board.place, axis=0) + 1 - (wide, high), 0).astype(int)
-        for shift in np.ndindex(spare[0] + 1, spare[1] + 1):
-            away = board.place - lowest - shift
-            inside = ((away >= 0) & (away < (wide, high))).all(axis=1)
-            best = inside if inside.sum() > best.sum() else best
-    return Board(board.pixel[best], board.place[best])
+    """The points in the window of `extent` places that holds most of them, turned so that columns are columns: specks
+    beside the grid may have joined the lattice, which cannot know which way up the sheet is."""
+    lying = Board(board.pixel, np.stack([board.place[:, 1], -board.place[:, 0]], axis=1))
+    chosen = [(one, _window(one.place, extent)) for one in (board, lying)]
+    best, inside = max(chosen, key=lambda pair: int(pair[1].sum()))
+    return Board(best.pixel[inside], best.place[inside])
+
+
+def _window(place: Float[np.ndarray, "count 2"], extent: tuple[int, int]) -> Bool[np.ndarray, " count"]:
+    best = np.zeros(len(place), bool)
+    spare = np.maximum(np.ptp(place, axis=0) + 1 - extent, 0).astype(int)
+    for shift in np.ndindex(spare[0] + 1, spare[1] + 1):
+        away = place - place.min(axis=0) - shift
+        inside = ((away >= 0) & (away < extent)).all(axis=1)
+        best = inside if inside.sum() > best.sum() else best
+    return best
+
+
+def _smooth(board: Board) -> Board:
+    """The points within a quarter of a step of a smooth map from places to pixels (a robust polynomial): what a printed
+    grid under any lens is, and a chance lattice of specks is not."""
+    if len(board.place) < 12:
+        return board
+    x, y = (board.place - board.place.mean(axis=0)).T
+    degree = 2 + (len(x) >= 40) + (len(x) >= 80) + (len(x) >= 120)
+    design = np.stack([x**i * y ** (n - i) for n in range(degree + 1) for i in range(n, -1, -1)], axis=1)
+    weight, gap = np.ones(len(x)), np.zeros(len(x))
+    step = 1.0
+    for _ in range(10):
+        found = np.linalg.lstsq(design * weight[:, None], board.pixel * weight[:, None], rcond=None)[0]
+        gap, step = np.hypot(*(board.pixel - design @ found).T), float(np.sqrt(np.abs(np.linalg.det(found[1:3]))))
+        weight = 1 / (1 + (gap / (0.1 * step)) ** 2)
+    near = gap < 0.25 * step
+    return Board(board.pixel[near], board.place[near])
 
 
 def _refined(photo: Photograph, centres: Float[np.ndarray, "count 2"]) -> Float[np.ndarray, "count 2"]:

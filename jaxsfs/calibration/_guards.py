@@ -72,7 +72,8 @@ def warnings_of(
     height: float | None = None,
     height_tolerance: float = 0.02,
 ) -> list[str]:
-    """Plain sentences on what the photographs leave uncertain."""
+    """Plain sentences on what the photographs leave uncertain. Raises ValueError for a camera that cannot be."""
+    check_possible(found)
     warnings = []
     alpha = alpha_max_deg(found)
     sd = np.sqrt(np.diag(covariance))
@@ -95,7 +96,7 @@ def warnings_of(
             "(a lens with k = 0.035 would fit as well with f 3.6 % higher). Tilt one photograph by 10 to 20°."
         )
     warnings += _height_warnings(found, covariance, height, height_tolerance)
-    warnings += _field_warnings(found, scores)
+    warnings += _model_warnings(found, scores)
     return warnings
 
 
@@ -116,14 +117,25 @@ def _height_warnings(found: Fit, covariance, height: float | None, tolerance: fl
     return warnings
 
 
-def _field_warnings(found: Fit, scores: list[ModelScore]) -> list[str]:
-    warnings = []
+def check_possible(found: Fit) -> None:
+    """Raises ValueError for a camera that cannot be: its centre outside the picture, or no ray for what it saw."""
     cx, cy = found.parameters[1:3]
     width, height = found.setup.size
     if not (0 <= cx < width and 0 <= cy < height):
-        warnings.append(f"The principal point ({cx:.0f}, {cy:.0f}) px lies outside the picture: do not trust this fit.")
-    if found.name == "spherical" and used_radius(found) > 0.995 * found.f:
-        warnings.append("f is not larger than the outermost radius used: do not trust this fit.")
+        raise ValueError(
+            f"the fit puts the principal point at ({cx:.0f}, {cy:.0f}) px, outside the {width} x {height} picture: is "
+            "the target the one described, and whole? Add photographs that it fills, tilted by 10 to 20°"
+        )
+    outermost = used_radius(found)
+    if found.name == "spherical" and outermost > 0.995 * found.f:
+        raise ValueError(
+            f"the fit gives f = {found.f:.1f} px, below the outermost radius used ({outermost:.1f} px), where "
+            "r = f sin α has no ray: try --model auto, and check that the target is the one described"
+        )
+
+
+def _model_warnings(found: Fit, scores: list[ModelScore]) -> list[str]:
+    warnings = []
     best = preferred(scores)
     if best.name != found.name and best.bic < next(s.bic for s in scores if s.name == found.name) - 10:
         warnings.append(f"{best.name} describes the lens better than {found.name}: consider --model {best.name}.")

@@ -1,5 +1,6 @@
 """Calibration from points of known place on a flat target: checkerboards and dot grids."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,6 +21,11 @@ from jaxsfs.photometry import AbstractResponse
 RATIO_SD = 0.02  # of the printer's two scales
 WORST_RMS = 0.005  # of the image width
 _LOOSE = 1e6
+_LEAST_SHARE = 0.5  # of a photograph's points that must fit
+_MISCOUNTED = (
+    "most of its points do not fit the lens that the other photographs show: they were miscounted, or the sheet is "
+    "bent or blurred"
+)
 _STARTS = (1.08, 1.35, 1.8, 2.6, 4.0)  # f over the outermost used radius
 
 
@@ -58,18 +64,24 @@ def calibrate_dots(
     aspect: bool = False,
     two_scales: bool = False,
     response: AbstractResponse | None = None,
+    stretch: float = 1.0,
 ) -> Calibration:
     """The camera that photographed `columns` × `rows` dots. `pitch` in mm is the distance of neighbours; with
     `asymmetric` (every second row shifted by half, as OpenCV has it) the distance of rows, half of that of dots in
-    a row. Raises ValueError that says what to photograph instead.
+    a row. `stretch`: spacing of columns over what `pitch` says, for grids whose spacings differ.
+
+    Raises ValueError that says what to photograph instead.
     """
+    if not (np.isfinite(stretch) and stretch > 0):
+        raise ValueError(f"stretch must be a positive ratio of the columns' spacing to the rows', got {stretch:g}")
     check_count("columns", columns)
     check_count("rows", rows)
     photos = [photograph_from(image, response) for image in check_same_size(images)]
     found = [find_dots(photo, columns, rows, asymmetric) for photo in photos]
     why = f"no grid of {columns} x {rows} dots found (70 % of them must show, off the picture's border)"
     centre = photos[0].field_centre()
-    return _from_boards("dots", found, why, columns * rows, pitch, photos[0].size, centre, model, aspect, two_scales)
+    wide = [board and Board(board.pixel, board.place * np.array([stretch, 1.0])) for board in found]
+    return _from_boards("dots", wide, why, columns * rows, pitch, photos[0].size, centre, model, aspect, two_scales)
 
 
 def calibrate_points(
@@ -86,25 +98,63 @@ def calibrate_points(
     """The camera that sees target points (mm, Y down) at pixels, one array of each per photograph.
 
     `centre`: prior mean of the principal point, by default the middle of the image; `expected`: points on the target.
+    A photograph most of whose points fit no pose is left out.
     """
     if model != "auto":
         lens_named(model)
     middle = centre or ((size[0] - 1) / 2, (size[1] - 1) / 2)
-    setup = _setup(pixels, targets, size, middle, aspect, two_scales)
-    first = _first_fit(setup, pixels, targets, middle)
-    start = first.parameters.copy()
-    flexible = fit("spherical-k", setup, start)
-    flexible = flexible if flexible.success else first
+    used, setup, flexible = _supported(pixels, targets, size, middle, aspect, two_scales)
+    rejected = [(i, _MISCOUNTED) for i in range(len(pixels)) if i not in used]
     groups = _row_groups(setup)
     scores = compare(setup, flexible, groups)
     chosen = preferred(scores) if model == "auto" else score_named(scores, model)
     found = fit(chosen.name, setup, chosen.fit.parameters, noise=chosen.fit.noise)
     covariance = total_covariance(found, [groups, setup.observations.group])
-    views = [_view_result(found, covariance, i, expected or len(p)) for i, p in enumerate(pixels)]
+    views = [
+        _view_result(found, covariance, row, photograph, expected or len(pixels[photograph]))
+        for row, photograph in enumerate(used)
+    ]
     extras = {"scale_ratio": float(np.exp(found.parameters[LENS_SIZE + 1]))} if two_scales else {}
     return Calibration(
-        target, found, covariance, scores, views, [], warnings_of(found, covariance, views, scores), extras
+        target, found, covariance, scores, views, rejected, warnings_of(found, covariance, views, scores), extras
     )
+
+
+def _supported(pixels, targets, size, centre, aspect, two_scales) -> tuple[list[int], Setup, Fit]:
+    """The photographs that a common lens explains, with their setup and fit: those of which less than half of the
+    points fit are taken out and the rest is fitted again."""
+    used = list(range(len(pixels)))
+    while True:
+        mine = [pixels[i] for i in used], [targets[i] for i in used]
+        setup = _setup(*mine, size, centre, aspect, two_scales)
+        try:
+            first = _first_fit(setup, *mine, centre)
+        except ValueError:
+            good = _alone(used, pixels, targets, size, centre)
+            if len(good) in (0, len(used)):
+                raise
+            used = good
+            continue
+        flexible = fit("spherical-k", setup, first.parameters)
+        flexible = flexible if flexible.success else first
+        shares = [float(flexible.weight[setup.observations.group == row].mean()) for row in range(len(used))]
+        good = [i for i, share in zip(used, shares, strict=True) if share >= _LEAST_SHARE]
+        if len(good) in (0, len(used)):
+            return used, setup, flexible
+        used = good
+
+
+def _alone(used: list[int], pixels, targets, size, centre) -> list[int]:
+    """The photographs that some lens explains by themselves."""
+    good = []
+    for i in used:
+        one = [pixels[i]], [targets[i]]
+        try:
+            _first_fit(_setup(*one, size, centre, False, False), *one, centre)
+        except ValueError:
+            continue
+        good.append(i)
+    return good
 
 
 def _from_boards(target, boards: list[Board | None], why: str, expected: int, pitch, size, centre, model, aspect, two):
@@ -119,10 +169,10 @@ def _from_boards(target, boards: list[Board | None], why: str, expected: int, pi
     pixels = [board.pixel for _, board in kept]
     targets = [pitch * board.place for _, board in kept]
     found = calibrate_points(pixels, targets, size, centre, model, aspect, two, expected, target)
-    for view, (index, _) in zip(found.views, kept, strict=True):
-        object.__setattr__(view, "photograph", index)
-    found.rejected.extend(rejected)
-    return found
+    names = [index for index, _ in kept]
+    views = [dataclasses.replace(view, photograph=names[view.photograph]) for view in found.views]
+    rejected += [(names[index], reason) for index, reason in found.rejected]
+    return dataclasses.replace(found, views=views, rejected=sorted(rejected))
 
 
 def _setup(pixels, targets, size, centre, aspect: bool, two_scales: bool) -> Setup:
@@ -175,7 +225,7 @@ def _row_groups(setup: Setup) -> np.ndarray:
     return np.unique(np.stack([o.group, np.round(o.target[:, 1], 6)]), axis=1, return_inverse=True)[1].ravel()
 
 
-def _view_result(found: Fit, covariance, view: int, expected: int) -> ViewResult:
+def _view_result(found: Fit, covariance, view: int, photograph: int, expected: int) -> ViewResult:
     rows = (found.setup.observations.group == view) & (found.weight > 0)
     rms = float(np.sqrt(np.mean(np.sum(found.residual[rows] ** 2, axis=1)))) if rows.any() else float("nan")
-    return ViewResult(view, int(rows.sum()), expected, rms, pose_figures(found, covariance, view))
+    return ViewResult(photograph, int(rows.sum()), expected, rms, pose_figures(found, covariance, view))

@@ -55,6 +55,8 @@ class BoardOptions(CalibrateOptions):
 class DotsOptions(BoardOptions):
     # Every second row is shifted by half; pitch is then the distance between rows.
     asymmetric: bool = False
+    # Spacing of columns over what --pitch says, for grids whose two spacings differ.
+    stretch: Annotated[float, value("RATIO")] = 1.0
 
 
 def circles(options: Annotated[CirclesOptions, FLAT]) -> int:
@@ -143,6 +145,7 @@ def dots(options: Annotated[DotsOptions, FLAT]) -> int:
                 options.aspect,
                 options.two_scales,
                 given.response,
+                options.stretch,
             ),
         )
 
