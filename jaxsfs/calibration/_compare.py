@@ -55,7 +55,7 @@ def compare(
         if not found.success or not np.isfinite(found.residual).all():
             continue
         kept = weight > 0
-        square = float(np.sum(found.residual[kept] ** 2))
+        square = float(np.sum((found.standardised[kept] * found.noise) ** 2))
         count = found.residual.shape[1] * float(kept.sum())
         rms = np.sqrt(square / max(kept.sum(), 1))
         bic = independent * count * np.log(square / count) + free_for(name, setup).sum() * np.log(independent * count)
@@ -72,7 +72,7 @@ def held_out_rms(found: Fit, groups: Int[np.ndarray, " count"]) -> float:
     squares = []
     for name, step in zip(names, steps, strict=True):
         rows = kept & (groups == name)
-        predicted = found.residual[rows] + found.noise * found.jacobian[rows] @ step
+        predicted = found.noise * (found.standardised[rows] + found.jacobian[rows] @ step)
         squares.append(np.mean(np.sum(predicted**2, axis=1)))
     return float(np.sqrt(np.median(squares)))
 

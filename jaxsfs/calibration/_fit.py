@@ -25,6 +25,7 @@ class Setup:
     `systematic` one sd in px of an error that all of them share (rows ×
     parts). `prior_sd` is inf for no prior. `size` is (width, height) in px;
     `views` the number of photographs with a pose (0 for lines), `groups` the number of lines (1 otherwise).
+    `precision` of every row: typical sd over the row's own, 1 by default.
     """
 
     kind: str
@@ -37,6 +38,12 @@ class Setup:
     prior_sd: Float[np.ndarray, " size"]
     systematic: Float[np.ndarray, "count parts"]
     aspect: bool = False
+    precision: Float[np.ndarray, " count"] | None = None
+
+    @property
+    def scale(self) -> Float[np.ndarray, " count"]:
+        """`precision`, or ones."""
+        return np.ones(len(self.observations.group)) if self.precision is None else self.precision
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +51,7 @@ class Fit:
     """A lens model fitted to a `Setup`.
 
     `parameters` (lens, extra, views), `residual` in px (rows × parts) with `weight` 0 for culled rows, `noise` the
-    robust sd of a residual in px, `jacobian` of residual · weight/noise, `covariance` of the free parameters,
+    robust sd in px of a residual of precision 1, `jacobian` of residual · weight · precision/noise, `covariance` of the free parameters,
     (JᵀJ)⁺ with the priors in it, `condition` of JᵀJ scaled to unit diagonal.
     """
 
@@ -66,6 +73,11 @@ class Fit:
     @property
     def f(self) -> float:
         return float(np.exp(self.parameters[0]))
+
+    @property
+    def standardised(self) -> Float[np.ndarray, "count parts"]:
+        """residual · precision/noise: of sd 1 if the noise is what it is taken for."""
+        return self.residual * self.setup.scale[:, None] / self.noise
 
     @property
     def rms(self) -> float:
@@ -143,6 +155,7 @@ def fit(
             break
         parameters = np.array(solution.parameters)
         residual = np.array(solution.residual)
+        residual = residual * setup.scale[:, None]
         new_noise = max(robust_sd(residual[kept > 0]), _NOISE_FLOOR)
         distance = np.sqrt(np.mean(residual**2, axis=1))
         near = allowed * (distance < CULL * new_noise)
@@ -171,7 +184,7 @@ def _solve(name: str, setup: Setup, start, weight, noise: float) -> Solution:
     views = max(1, 1 << (setup.views - 1).bit_length()) if setup.views else 0
     more = VIEWS_AT + VIEW_SIZE * views - len(start)
     problem = Problem(
-        observations=pad(setup.observations, weight, size),
+        observations=pad(setup.observations, weight * setup.scale, size),
         build=jnp.asarray(lens_named(name).build),
         free=jnp.asarray(np.pad(free, (0, more))),
         prior=jnp.asarray(np.pad(setup.prior, (0, more))),

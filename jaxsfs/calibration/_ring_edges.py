@@ -15,7 +15,8 @@ from jaxsfs.calibration._lens import LENS_SIZE, lens_named, ray_and_slope
 from jaxsfs.calibration._plane import PlanePose
 
 _SAMPLES = 61  # of a profile across an edge
-_SIDES = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
+_SIDES = np.linspace(-1, 1, 13)  # of the way along an edge over which a profile is averaged
+_ALONG = 6.0  # px, at most
 _RAYS = 64  # fixed, so that one compiled program serves
 _GRID = 256  # radii of the polar grid on which R(u, v) is inverted
 
@@ -40,10 +41,10 @@ def search_edges(
     style: str,
 ) -> Edges:
     """Looks for every printed ring along the normal of its predicted image, on `_RAYS` rays of the image."""
-    centre, radius, normal, reach = _predicted(photo, name, parameters, pose, radii)
+    centre, radius, normal, curvature, reach = _predicted(photo, name, parameters, pose, radii)
     angle = 2 * np.pi * np.arange(_RAYS)[:, None] / _RAYS
     base = np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=-1)
-    profile, ok, step = _profiles(photo, base, normal, reach, radius)
+    profile, ok, step = _profiles(photo, base, normal, reach, curvature)
     visible = ok & np.isfinite(radius)
     if style == "bands":
         offset, polarity, good = _single_edges(profile)
@@ -85,7 +86,14 @@ def _predicted(photo, name, parameters, pose, radii):
     nx = radius * np.cos(angle) + slope * np.sin(angle)
     ny = radius * np.sin(angle) - slope * np.cos(angle)
     length = np.hypot(nx, ny)
-    return centre, radius, np.stack([nx, ny], axis=-1) / length[..., None], reach
+    return centre, radius, np.stack([nx, ny], axis=-1) / length[..., None], _curvature(radius, slope), reach
+
+
+def _curvature(radius: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """κ = (r² + 2r'² − r r″)/(r² + r'²)^(3/2) of the curves r(θ), 1/r where a neighbour is missing."""
+    bend = (np.roll(radius, -1, axis=0) - 2 * radius + np.roll(radius, 1, axis=0)) * (_RAYS / (2 * np.pi)) ** 2
+    bend = np.where(np.isfinite(bend), bend, 0.0)
+    return (radius**2 + 2 * slope**2 - radius * bend) / (radius**2 + slope**2) ** 1.5
 
 
 def _smooth_slope(radius: np.ndarray) -> np.ndarray:
@@ -134,26 +142,31 @@ def blur_sd(profile, offset, step, good) -> float:
     return float(np.clip(np.median(sd[good]), 0.3, 6.0))
 
 
-def _profiles(photo: Photograph, base, normal, reach, radius):
-    """Grey values along the normals over ±reach (at most 18 px), averaged over ±3 px along the edge (an arc of
-    `radius`), whether all of them are usable, and px per unit of the profile's coordinate (−1 … 1)."""
+def _profiles(photo: Photograph, base, normal, reach, curvature):
+    """Grey values along the normals over ±reach (at most 18 px), averaged along the edge (an arc of `curvature`) half
+    way to the neighbouring rays, whether all of them are usable, and px per unit of the profile's coordinate
+    (−1 … 1)."""
     step = np.clip(reach, 3.0, 18.0)
     along = np.linspace(-1, 1, _SAMPLES)
     tangent = np.stack([-normal[..., 1], normal[..., 0]], axis=-1)
     safe = np.where(np.isfinite(base), base, -100.0)
     total = np.zeros((*base.shape[:-1], _SAMPLES))
     grey = photo.linear.astype(np.float32)
-    flat = points = np.empty(0)
-    for side in _SIDES:
-        sag = (side**2 / (2 * np.maximum(np.where(np.isfinite(radius), radius, 1e9), 4.0)))[..., None] * normal
+    ok = reach > 2.5
+    bend = np.where(np.isfinite(curvature), curvature, 0.0)
+    along_edge = np.clip(np.pi / _RAYS / np.maximum(bend, 1e-6), 2.0, _ALONG)
+    mask = photo.usable.astype(np.uint8)
+    for share in _SIDES:
+        side = share * along_edge[..., None]
+        sag = side**2 / 2 * bend[..., None] * normal
         at = safe + np.where(np.isfinite(tangent), side * tangent - sag, 0)
         points = at[..., None, :] + (step[..., None] * along)[..., None] * normal[..., None, :]
         points = np.where(np.isfinite(points), points, -100.0).astype(np.float32)
         flat = points.reshape(points.shape[0], -1, 2)
         sampled = cv2.remap(grey, flat[..., 0], flat[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         total = total + sampled.reshape(points.shape[:-1]).astype(float) / len(_SIDES)
-    usable = cv2.remap(photo.usable.astype(np.uint8), flat[..., 0], flat[..., 1], cv2.INTER_NEAREST)
-    ok = usable.reshape(points.shape[:-1]).all(axis=-1) & (reach > 2.5)
+        usable = cv2.remap(mask, flat[..., 0], flat[..., 1], cv2.INTER_NEAREST)
+        ok = ok & usable.reshape(points.shape[:-1]).all(axis=-1)
     return total, ok, step
 
 

@@ -14,6 +14,9 @@ CENTRE_SD = 0.04  # of the image width: prior on the principal point about the f
 TILT_SD = 0.5  # rad
 SHAPE_SD = 0.15
 _LOOSE = 1e6
+_LEAST_HARMONIC = 40  # edges of a ring that fix five harmonics of its line's width
+_LEAST_SCATTER = 12  # edges of a ring from which its scatter is known
+_LEAST_SD = 0.015  # px: what edges share does not average away
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,21 +60,56 @@ def ring_setup(edges: list[Edges], priors: RingPriors, size: tuple[int, int], ce
     return Setup("rings", observations, size, views, 1, free, prior, sd, systematic, priors.aspect)
 
 
+def with_precision(setup: Setup, residual: Float[np.ndarray, "count 1"], weight: Float[np.ndarray, " count"]) -> Setup:
+    """The setup with each row's precision from the scatter of its ring in its photograph: rings at a dark rim, or
+    thin beside the blur, scatter ten times more than the best."""
+    o = setup.observations
+    key = o.group * 1000.0 + o.target[:, 0]
+    sd = np.full(len(key), np.nan)
+    for k in np.unique(key):
+        rows = (key == k) & (weight > 0)
+        # a few edges tell their scatter only roughly
+        if rows.sum() >= _LEAST_SCATTER:
+            sd[key == k] = max(1.4826 * float(np.median(np.abs(residual[rows, 0]))), _LEAST_SD)
+    typical = float(np.nanmedian(sd)) if np.isfinite(sd).any() else 1.0
+    precision = np.clip(typical / np.where(np.isfinite(sd), sd, 2 * typical), 0.1, 4.0)
+    return dataclasses.replace(setup, precision=precision)
+
+
 def with_shifts(setup: Setup, residual: Float[np.ndarray, "count 1"], weight: Float[np.ndarray, " count"]) -> Setup:
-    """The setup with the px by which blur and tone curve widen the ink, one per ring and photograph where both edges
-    of a line are seen, one per photograph for bands. It is the mean of polarity · residual, which the fit of the
-    rings' middles does not feel."""
+    """The setup with the px by which blur and tone curve widen the ink: where both edges of lines are seen, a smooth
+    function of the angle for each ring and photograph (a tilted line is thin beside the blur on one side and not on
+    the other), one number per photograph for bands. The fit of the rings' middles does not feel it."""
     o = setup.observations
     key = o.group * 1000.0 + o.target[:, 0]
     two_sided = all(len(np.unique(o.polarity[key == k])) == 2 for k in np.unique(key))
     key = key if two_sided else o.group.astype(float)
+    terms = _harmonics(setup) if two_sided else np.ones((len(key), 1))
     shift = np.array(o.shift)
     for k in np.unique(key):
         rows = (key == k) & (weight > 0)
-        if rows.sum() < 8:
-            continue
-        sides = [
-            np.mean(residual[rows & (o.polarity == s), 0] * s) for s in (-1, 1) if (rows & (o.polarity == s)).any()
-        ]
-        shift[key == k] += np.mean(sides)
+        count = terms.shape[1] if rows.sum() > _LEAST_HARMONIC else 1
+        if rows.sum() >= 8:
+            shift[key == k] += terms[key == k, :count] @ _widening(
+                terms[rows, :count], o.polarity[rows], residual[rows]
+            )
     return dataclasses.replace(setup, observations=dataclasses.replace(o, shift=shift))
+
+
+def _widening(terms: Float[np.ndarray, "n k"], polarity: Float[np.ndarray, " n"], residual) -> Float[np.ndarray, " k"]:
+    """Coefficients of the part of the residuals that changes sign with the polarity, the other part being smooth too;
+    of bands, where one polarity may be all there is, half the sum of the two sides' means."""
+    if terms.shape[1] == 1:
+        sides = [np.mean(residual[polarity == s] * s) for s in (-1, 1) if (polarity == s).any()]
+        return np.array([np.mean(sides)])
+    design = np.concatenate([polarity[:, None] * terms, terms], axis=1)
+    return np.linalg.lstsq(design, residual[:, 0], rcond=None)[0][: terms.shape[1]]
+
+
+def _harmonics(setup: Setup) -> Float[np.ndarray, "count 5"]:
+    """1, cos, sin of the angle about the middle of the photograph's edges, and of twice the angle."""
+    o = setup.observations
+    middle = np.stack([np.median(o.pixel[o.group == view], axis=0) for view in range(setup.views)])
+    x, y = (o.pixel - middle[o.group]).T
+    angle = np.arctan2(y, x)
+    return np.stack([np.ones(len(x)), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)], axis=1)

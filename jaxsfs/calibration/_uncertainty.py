@@ -19,7 +19,7 @@ def left_out_steps(found: Fit, group: Int[np.ndarray, " count"]) -> Float[np.nda
     """Change of the parameters when each group is left out."""
     free = free_for(found.name, found.setup)
     kept = found.weight > 0
-    jacobian, residual = found.jacobian[kept][..., free], found.residual[kept] / found.noise
+    jacobian, residual = found.jacobian[kept][..., free], found.standardised[kept]
     group = group[kept]
     prior = np.diag(1 / found.setup.prior_sd[free] ** 2)
     normal = np.einsum("npi,npj->ij", jacobian, jacobian) + prior
@@ -41,7 +41,7 @@ def shared_shift(found: Fit) -> Float[np.ndarray, " size"]:
     free = free_for(found.name, found.setup)
     kept = found.weight > 0
     jacobian = found.jacobian[kept][..., free].reshape(-1, free.sum())
-    error = found.setup.systematic[kept].reshape(-1) / found.noise
+    error = (found.setup.systematic * found.setup.scale[:, None])[kept].reshape(-1) / found.noise
     shift = np.zeros(len(free))
     normal = jacobian.T @ jacobian + np.diag(1 / found.setup.prior_sd[free] ** 2)
     shift[free] = solve_scaled(normal, jacobian.T @ error)

@@ -15,7 +15,7 @@ from jaxsfs.calibration._lens import LENS_SIZE, lens_named
 from jaxsfs.calibration._problem import VIEWS_AT
 from jaxsfs.calibration._result import Calibration, ViewResult, pose_figures, total_covariance
 from jaxsfs.calibration._ring_edges import target_centre
-from jaxsfs.calibration._ring_setup import RingPriors, ring_setup, with_shifts
+from jaxsfs.calibration._ring_setup import RingPriors, ring_setup, with_precision, with_shifts
 from jaxsfs.calibration._ring_view import RingView, view_rings
 from jaxsfs.photometry import AbstractResponse
 
@@ -102,7 +102,8 @@ def _joint_fit(name: str, setup, start: Float[np.ndarray, " size"]):
     found = fit(name, setup, start, rounds=3)
     for _ in range(2):
         setup = with_shifts(setup, found.residual, found.weight)
-        found = fit(name, setup, found.parameters, rounds=1, noise=found.noise)
+        setup = with_precision(setup, found.residual, found.weight)
+        found = fit(name, setup, found.parameters, rounds=3, noise=found.noise)
     if not found.success:
         raise ValueError(
             f"the fit of the {name} lens did not converge; try another --model, give --height, or add a photograph"
