@@ -12,6 +12,9 @@ _hook = install_import_hook(["jaxsfs", "data_synth"], "beartype.beartype")
 import jax
 import pytest
 
+# compiled programs are shared between the workers, and kept for the next run
+jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "jax"))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")

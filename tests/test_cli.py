@@ -381,7 +381,14 @@ class TestHelp:
             "jaxsfs: error: there is no command 'reconstuct'; did you mean 'reconstruct'? (jaxsfs --help)\n"
         )
 
-    @pytest.mark.parametrize("name", COMMANDS)
+    @pytest.mark.parametrize(
+        "name",
+        # the examples of `calibrate white` begin with `calibrate circles`
+        [
+            pytest.param(n, marks=pytest.mark.slow if n.startswith("calibrate") and "white" not in n else ())
+            for n in COMMANDS
+        ],
+    )
     def test_every_example_runs_as_pasted(self, name, capsys, tmp_path, monkeypatch):
         assert main([*name.split(), "--help"]) == 0
         lines = [line.strip() for line in capsys.readouterr().out.splitlines()]

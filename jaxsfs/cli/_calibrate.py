@@ -63,7 +63,8 @@ def circles(options: Annotated[CirclesOptions, FLAT]) -> int:
     """The camera from photographs of concentric circles of known radii (the paper's eqs. 19 and 20 start the fit).
 
     For example:
-      jaxsfs target circles --radii 5 10 15 20 25 30 --out target.pdf
+      jaxsfs photograph circles --tilt 4 --out A.png
+      jaxsfs photograph circles --tilt 16 --tilt-axis 120 --seed 1 --out B.png
       jaxsfs calibrate circles A.png B.png --radii 5 10 15 20 25 30 --out camera.json
     """
     if not options.radii:
@@ -89,7 +90,7 @@ def grid(options: Annotated[CalibrateOptions, FLAT]) -> int:
     """The camera from photographs of a printed grid (lines, dots or checkerboard) of unknown size: lines are straight.
 
     For example:
-      jaxsfs target grid --out target.pdf
+      jaxsfs photograph grid --tilt 15 --tilt-axis 70 --out A.png
       jaxsfs calibrate grid A.png --out camera.json
     """
     with jax_session(64):
@@ -102,7 +103,8 @@ def checkerboard(options: Annotated[BoardOptions, FLAT]) -> int:
     """The camera from photographs of a checkerboard; columns and rows count inner corners, not squares.
 
     For example:
-      jaxsfs calibrate checkerboard A.png B.png --columns 7 --rows 6 --pitch 2 --out camera.json
+      jaxsfs photograph checkerboard --columns 7 --rows 6 --pitch 3.5 --tilt 15 --out A.png
+      jaxsfs calibrate checkerboard A.png --columns 7 --rows 6 --pitch 3.5 --out camera.json
     """
     columns, rows, pitch = _sizes(options)
     with jax_session(64):
@@ -127,7 +129,8 @@ def dots(options: Annotated[DotsOptions, FLAT]) -> int:
     """The camera from photographs of a grid of dots.
 
     For example:
-      jaxsfs calibrate dots A.png B.png --columns 19 --rows 10 --pitch 5.28 --out camera.json
+      jaxsfs photograph dots --columns 9 --rows 7 --pitch 4 --tilt 15 --out A.png
+      jaxsfs calibrate dots A.png --columns 9 --rows 7 --pitch 4 --out camera.json
     """
     columns, rows, pitch = _sizes(options)
     with jax_session(64):

@@ -47,6 +47,8 @@ def white(options: Annotated[WhiteOptions, FLAT]) -> int:
 
     One square photograph does not tell the response from the fall-off: add one tilted by 10° or more, or one from
     another distance. For example:
+      jaxsfs photograph circles --tilt 4 --gain 320 --out A.png
+      jaxsfs photograph circles --tilt 16 --tilt-axis 120 --gain 320 --seed 1 --out B.png
       jaxsfs calibrate circles A.png B.png --radii 5 10 15 20 25 30 --out camera.json
       jaxsfs calibrate white A.png B.png --camera camera.json --out photometric.json
     """
