@@ -45,11 +45,11 @@ class PhotographOptions:
 
 
 def photograph(options: Annotated[PhotographOptions, FLAT]) -> int:
-    """What a scope with its light at the lens would see of a printed target: calibration without a printer.
+    """What a scope with its light at the lens would see of a printed target, to try a calibration without a printer.
 
     For example:
-    jaxsfs photograph circles --tilt 12 --out A.png
-    jaxsfs photograph grid --tilt 15 --tilt-axis 70 --out G.png
+      jaxsfs photograph circles --tilt 12 --out A.png
+      jaxsfs photograph grid --tilt 15 --tilt-axis 70 --out G.png
     """
     _check(options)
     with jax_session(64):
