@@ -16,18 +16,20 @@ from jaxsfs.calibration import Calibration, calibrate_circles, calibrate_grid, c
 from jaxsfs.camera import Equisolid, Spherical
 from jaxsfs.photometry import CosineFalloff, ExponentialFalloff, GammaResponse, parse_falloff, parse_response
 
-SIZE = (640, 480)
+WIDTH, HEIGHT = SIZE = (640, 480)
 _FAR = 1e6  # mm: rings that are not printed, so that one compiled renderer serves all sheets
 _MOST_RINGS = 8
 Draw = dict[str, Any]
 
 
 def spherical(rng: np.random.Generator, k: float = 0.0) -> Spherical:
-    return Spherical(rng.uniform(250, 420), *_principal_point(rng), *SIZE, 1.0, k)
+    f, (cx, cy) = rng.uniform(250, 420), _principal_point(rng)
+    return Spherical(f=f, cx=cx, cy=cy, width=WIDTH, height=HEIGHT, k=k)
 
 
 def equisolid(rng: np.random.Generator) -> Equisolid:
-    return Equisolid(rng.uniform(250, 330), *_principal_point(rng), *SIZE)
+    f, (cx, cy) = rng.uniform(250, 330), _principal_point(rng)
+    return Equisolid(f=f, cx=cx, cy=cy, width=WIDTH, height=HEIGHT)
 
 
 def _principal_point(rng: np.random.Generator) -> tuple[float, float]:
@@ -79,13 +81,13 @@ def circles(
     poses = [pose(rng, height * (rng.uniform(0.9, 1.2) if views > 1 else 1), tilt, offset) for _ in range(views)]
     look = studio(rng)
     images = [photograph(camera, pattern, one, look, int(rng.integers(1 << 31))) for one in poses]
-    given = {"height": height * float(np.exp(0.01 * rng.standard_normal())), "height_tolerance": 0.01} if known else {}
-    found = calibrate_circles(images, radii, model="spherical-k" if k else "spherical", **given)
+    measured = height * float(np.exp(0.01 * rng.standard_normal())) if known else None
+    found = calibrate_circles(images, radii, measured, 0.01, model="spherical-k" if k else "spherical")
     draw = errors(found, camera)
     if k:
         draw["k_error"] = float(found.fit.parameters[4]) - k
     if views == 1:
-        draw["eq20_error"] = _eq20(found, radii, given.get("height")) / camera.f - 1
+        draw["eq20_error"] = _eq20(found, radii, measured) / camera.f - 1
     return draw
 
 

@@ -107,14 +107,14 @@ def summary(row: str, draws: list[Draw]) -> list[dict[str, str]]:
     ]
     if row == "equisolid":
         share = np.mean([draw.get("named") == "equisolid" for draw in draws])
-        lines.append(_line(title, "called equisolid", f"{100 * share:.1f} %", "≥ 95 %", share >= 0.95))
+        lines.append(_line(title, "called equisolid", f"{100 * share:.1f} %", "≥ 95 %", bool(share >= 0.95)))
     if row == "white-one":
         silent = [draw for draw in draws if draw.get("separated", False)]
         lines.append(
             _line(title, "says what is not determined", f"{len(draws) - len(silent)}/{len(draws)}", "all", not silent)
         )
     share = np.mean([is_failure(draw) for draw in draws])
-    return [*lines, _line(title, "failures", f"{100 * share:.1f} %", "≤ 1 %", share <= 0.01)]
+    return [*lines, _line(title, "failures", f"{100 * share:.1f} %", "≤ 1 %", bool(share <= 0.01))]
 
 
 def _figure_line(title: str, figure: Figure, draws: list[Draw]) -> dict[str, str]:

@@ -51,8 +51,8 @@ class Fit:
     """A lens model fitted to a `Setup`.
 
     `parameters` (lens, extra, views), `residual` in px (rows × parts) with `weight` 0 for culled rows, `noise` the
-    robust sd in px of a residual of precision 1, `jacobian` of residual · weight · precision/noise, `covariance` of the free parameters,
-    (JᵀJ)⁺ with the priors in it, `condition` of JᵀJ scaled to unit diagonal.
+    robust sd in px of a residual of precision 1, `jacobian` of residual · weight · precision/noise, `covariance` of
+    the free parameters, (JᵀJ)⁺ with the priors in it, `condition` of JᵀJ scaled to unit diagonal.
     """
 
     name: str

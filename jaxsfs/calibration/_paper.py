@@ -51,7 +51,8 @@ class PaperView:
         whole = ndimage.binary_erosion(self.bare, np.ones((5, 5)))
         grid = np.zeros_like(whole)
         grid[4::step, 4::step] = True
-        return np.nonzero(whole & grid)
+        rows, columns = np.nonzero(np.logical_and(whole, grid))
+        return rows, columns
 
     def chosen_by(self, paper_value: Callable[..., np.ndarray]) -> "PaperView":
         """The same view with paper told from ink by its stored value, `paper_value` of (geometry, cos α)."""
