@@ -111,5 +111,5 @@ def _darker_than_about(photo: Photograph) -> Bool[np.ndarray, "height width"]:
     size = max(21, photo.size[0] // 16) | 1
     smooth = ndimage.gaussian_filter(photo.grey, 1.0)
     ceiling = ndimage.gaussian_filter(ndimage.percentile_filter(smooth[::4, ::4], 80, size // 4), 1.0)
-    ceiling = np.kron(ceiling, np.ones((4, 4)))[: smooth.shape[0], : smooth.shape[1]]
+    ceiling = ceiling.repeat(4, axis=0).repeat(4, axis=1)[: photo.size[1], : photo.size[0]]
     return smooth < 0.8 * ceiling

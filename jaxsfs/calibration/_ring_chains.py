@@ -51,8 +51,8 @@ def rough_centre(photo: Photograph) -> tuple[float, float]:
 
 
 def _vote(u, v, direction, size) -> Float[np.ndarray, "2"]:
-    """The cell of a coarse grid that most gradient lines cross (an eighth of the image's resolution)."""
-    cell = 8
+    """The cell of a coarse grid that most gradient lines cross (an eightieth of the image's width, at least 8 px)."""
+    cell = max(8, size[0] // 80)
     steps = np.arange(-1.2 * max(size), 1.2 * max(size), cell)
     x = ((u[:, None] + direction[:, :1] * steps) / cell).astype(int)
     y = ((v[:, None] + direction[:, 1:] * steps) / cell).astype(int)
