@@ -10,6 +10,8 @@ from data_synth.catalogue import scene_from_text as scene_from_text
 from data_synth.catalogue import scene_to_dict as scene_to_dict
 from data_synth.effects import Photo as Photo
 from data_synth.effects import take_photo as take_photo
+from data_synth.highlights import tissue_colours as tissue_colours
+from data_synth.highlights import wet_glints as wet_glints
 from data_synth.occluding import BallInBowl as BallInBowl
 from data_synth.occluding import FoldedColon as FoldedColon
 from data_synth.occluding import PolypWall as PolypWall

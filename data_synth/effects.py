@@ -40,8 +40,8 @@ class Photo(eqx.Module):
     gain: float
 
 
-def body_image(view: View, colour: Colour = TISSUE) -> Picture:
-    """Body part of the view in linear light: k_d E."""
+def body_image(view: View, colour: Colour | Picture = TISSUE) -> Picture:
+    """Body part of the view in linear light: k_d E, k_d one colour or a colour per pixel."""
     return np.asarray(view.irradiance.values)[..., None] * np.asarray(colour, float)
 
 
@@ -97,10 +97,11 @@ def quantise(stored: Picture, bits: int) -> UInt8[np.ndarray, "height width 3"] 
 def take_photo(
     view: View,
     *,
-    body_colour: Colour = TISSUE,
+    body_colour: Colour | Picture = TISSUE,
     interface_colour: Colour = WHITE,
     shine: Scalar = 0.0,
     lobe: Scalar = 40,
+    glints: Float[np.ndarray, "height width"] | None = None,
     falloff: AbstractFalloff = _NO_FALLOFF,
     response: AbstractResponse = _SRGB,
     percentile: Scalar = 99,
@@ -113,15 +114,19 @@ def take_photo(
 ) -> Photo:
     """A photograph of `view`.
 
-    `shine` is the strength s of the highlights (0: none) relative to an albedo of 1; the exposure is set on the body
-    part, so highlights may clip. `bits`: 8, 16, or None for float values. Raises ValueError for an invisible scene.
+    `shine` is the strength s of the highlights (0: none) relative to an albedo of 1, `glints` more of c_I in the
+    unit of E (see `wet_glints`); the exposure is set on the body part, so highlights may clip. `bits`: 8, 16, or
+    None for float values. Raises ValueError for an invisible scene.
     """
     valid = np.asarray(view.surface.valid)
     vignette = np.asarray(falloff(view.camera.rays()[..., 2]))[..., None]
     body = vignette * body_image(view, body_colour)
     gain = exposure(body, valid, percentile, level)
     body = gain * body
-    interface = gain * vignette * interface_image(view, shine, lobe, interface_colour)
+    interface = interface_image(view, shine, lobe, interface_colour)
+    if glints is not None:
+        interface = interface + glints[..., None] * np.asarray(interface_colour, float)
+    interface = gain * vignette * interface
     linear = blur(body + interface, valid, blur_px)
     if read_noise or shot_noise:
         linear = np.where(valid[..., None], add_noise(linear, seed=seed, read=read_noise, shot=shot_noise), 0)

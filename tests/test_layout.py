@@ -12,9 +12,9 @@ LAYERS = (
     ("forms", "differences"),
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading"),
-    ("geometry", "levelset", "sweeping", "initial"),
-    ("rendering", "reconstruction", "photo", "field"),
-    ("evaluation", "mesh", "pictures", "calibration"),
+    ("geometry", "levelset", "sweeping", "initial", "lights"),
+    ("rendering", "reconstruction", "photo", "field", "specular"),
+    ("evaluation", "mesh", "pictures", "calibration", "refinement"),
     ("files", "convert", "target", "report"),
     ("cli",),
 )

@@ -1,0 +1,97 @@
+"""Body and interface of every pixel with a local body colour, and with them where the highlights are."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxsfs.specular._colour import body_colour, interface_colour, noise_covariance
+from jaxsfs.specular._detection import Thresholds, grown, highlights_by_colour, spots_by_colour
+from jaxsfs.specular._dichromatic import LUMINANCE, WHITE, Vector, body_strength, interface_free_vector, saturation
+from jaxsfs.specular._local import blur_among, local_ratio, noise_by_level
+
+Colours = Float[np.ndarray, "height width 3"]
+Grey = Float[np.ndarray, "height width"]
+Mask = Bool[np.ndarray, "height width"]
+
+GREYEST = 0.08  # saturation of the body below which its colour gives no signal
+NEIGHBOURHOOD = 0.06  # σ of the local body colour, share of the short side
+
+_ROUNDS = 4
+_FAR = 6  # times the neighbourhood in the first round
+_MARGIN = 3  # px round highlights that are no sample of the body
+_STRONG = 0.3  # interface over body in the pixels that show the interface colour
+_EVEN = 0.03  # spread of excess over luminance up to which tissue counts as even in colour
+_SPOT = 0.12  # size of spots that stand out from uneven tissue, share of the short side
+
+
+class Split(NamedTuple):
+    """luminance = body + excess at every pixel, with body colour k_d, interface colour k_s, and the highlights.
+
+    `uneven`: the tissue's own colours vary so much that only spots were looked for.
+    """
+
+    body_colour: Vector
+    interface_colour: Vector
+    interface_origin: str
+    luminance: Grey
+    body: Grey
+    excess: Grey
+    highlights: Mask
+    uneven: bool = False  # in colour
+
+
+def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -> Split | None:
+    """The picture split by a ⟂ k_s, or None where the body is as grey as the interface.
+
+    c_B from a ⟂ k_s of the dominant body colour is scaled by the local ratio of luminance to c_B outside highlights,
+    which is what a slowly varying body colour changes; what is left of the luminance is the excess. Highlights leave
+    the sample and it is done again. An interface colour that is not given starts white and is estimated where the
+    excess is strong. `data`: pixels that are usable and not saturated; `sample`: those to estimate colours from.
+    """
+    k_d = body_colour(linear, data & sample if (data & sample).any() else data)
+    k_s = WHITE if interface is None else interface
+    covariance = noise_covariance(linear, data)
+    if saturation(k_d, k_s) < GREYEST:
+        return None
+    found = _split_with(linear, data, k_d, k_s, covariance, sample)
+    origin = "given" if interface is not None else "white, by default"
+    for _ in range(2 if interface is None else 0):
+        strong = data & sample & grown(found.highlights & (found.excess > _STRONG * np.maximum(found.body, 1e-6)), 1)
+        estimate = interface_colour(linear, found.excess, strong & ~grown(~data, 2))
+        if estimate is None or saturation(k_d, estimate) < GREYEST:
+            break
+        found, origin = _split_with(linear, data, k_d, estimate, covariance, sample), "estimated from the highlights"
+    return found._replace(interface_origin=origin)
+
+
+def _split_with(linear: Colours, data: Mask, k_d: Vector, k_s: Vector, covariance, sample: Mask) -> Split:
+    luminance = linear @ LUMINANCE.astype(linear.dtype)
+    strength = body_strength(linear, interface_free_vector(k_d, k_s, covariance), k_d)
+    sigma = NEIGHBOURHOOD * min(data.shape)
+    highlights, body, excess, uneven = np.zeros_like(data), luminance, luminance, False
+    for turn in range(_ROUNDS):
+        # a broad highlight would be its own neighbourhood: before it is found, the body colour is that of far around
+        width = sigma if turn else _FAR * sigma
+        keep = data & sample & ~grown(highlights, _MARGIN)
+        keep = keep if keep.sum() >= 100 else data
+        body = strength * np.clip(local_ratio(luminance, strength, keep, width), 0.3, 3)
+        excess = luminance - body
+        before, (highlights, uneven) = highlights, _highlights(luminance, excess, data)
+        if turn and (before ^ highlights).mean() < 1e-4:
+            break
+    return Split(k_d, k_s, "", luminance, body, excess, highlights, uneven)
+
+
+def _highlights(luminance: Grey, excess: Grey, data: Mask) -> tuple[Mask, bool]:
+    """Spots above their surroundings and, if the tissue is even in colour, all regions above noise; and whether not."""
+    noise = noise_by_level(excess, luminance, data)
+    lit = data & (luminance > 0.05 * np.percentile(luminance[data], 95))
+    share = (blur_among(excess, data, 1.5) / np.maximum(luminance, 1e-6))[lit]
+    spread = 1.4826 * float(np.median(np.abs(share - np.median(share)))) if share.size else 0.0
+    size = 2 * round(0.5 * _SPOT * min(data.shape)) + 1
+    spots = spots_by_colour(luminance, excess, noise, data, size, float(np.clip(4 * spread, 0.33, 0.55)))
+    if spread > _EVEN:
+        return spots, True
+    adapted = Thresholds(8.0, max(0.06, 5 * spread), 3.0, max(0.015, 2 * spread))
+    return spots | highlights_by_colour(luminance, excess, noise, data, adapted), False
