@@ -153,9 +153,11 @@ def compare_models(cells: Cells, gamma: float | None, held: str) -> Comparison:
     if gamma_sd < SEPARABLE:
         ranked = _ranked([*laws.values(), *others])
         return Comparison(ranked[0], law, ranked, "separated", gamma_sd * law.gamma)
-    ranked = _ranked([one for one in others if one.model.response == held])
-    power_law = fit_model(Model("gamma", "cos", _LIKE_SRGB if held == "srgb" else 1.0), cells)
-    return Comparison(ranked[0], power_law, ranked, "held", gamma_sd)
+    options = [one for one in others if one.model.response == held]
+    plain = [fit_model(Model("gamma", name, _LIKE_SRGB if held == "srgb" else 1.0), cells) for name in _FALLOFFS]
+    # the sRGB curve and γ = 2.2 are one response to the eye; dark paper may tell which is nearer
+    ranked = _ranked([*options, *plain] if held == "srgb" else options)
+    return Comparison(ranked[0], plain[0], ranked, "held", gamma_sd)
 
 
 def _ranked(fits: list[WhiteFit]) -> list[WhiteFit]:

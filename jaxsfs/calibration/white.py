@@ -93,8 +93,9 @@ def calibrate_white(
     Minimises the stored values' misfit over cells of bare paper; ink, glare, clipped values and the field's rim are
     left out. Tried: the sRGB curve, linear and stored = light^(1/γ), each with V = cos^μ α and exp(−μ(1 − cos α));
     the smallest BIC wins. `gamma` holds γ. `exposures`: relative, one per photograph; without them all share one gain.
-    Where response and fall-off are not told apart the response is held: sRGB for 8 bit, linear otherwise. Of colour
-    images, all channels share the response, and `channel` (as `parse_channel` reads it) is weighted in linear light.
+    Where response and fall-off are not told apart the response is held: sRGB or γ = 2.2 for 8 bit, linear otherwise.
+    Of colour images, all channels share the response, and `channel` (as `parse_channel` reads it) is weighted in
+    linear light.
 
     Raises ValueError for photographs that do not fit the camera or show too little paper.
     """
