@@ -20,6 +20,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "calibrate checkerboard": ("jaxsfs.cli._calibrate", "checkerboard", "a camera from a checkerboard"),
     "calibrate dots": ("jaxsfs.cli._calibrate", "dots", "a camera from a grid of dots"),
     "calibrate white": ("jaxsfs.cli._calibrate_white", "white", "response, fall-off and gain from white paper"),
+    "specular": ("jaxsfs.cli._specular", "specular", "a photograph without its highlights"),
     "rectify": ("jaxsfs.cli._rectify", "rectify", "a wide-angle photograph as a perspective one"),
     "convert": ("jaxsfs.cli._convert", "convert", "camera files of other programs, both ways"),
     "target circles": ("jaxsfs.cli._target", "circles", "a printable page of concentric circles"),

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jaxsfs.specular._colour import weighted_median
 from jaxsfs.specular._detection import grown, highlights_by_brightness
 from jaxsfs.specular._dichromatic import LUMINANCE
 from jaxsfs.specular._fill import fit_smooth
@@ -18,6 +19,7 @@ Grey = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
 
 _TAIL = 2  # px by which a detected highlight is extended
+_BLURRED_TAIL = 4  # px, on real tissue: optics and compression blur a highlight's rim
 _COLOUR_ERROR = 0.12  # share of the interface part that an interface colour, not exact, leaves in the body
 _BLOOM = 0.1  # relative error of the body beside an unmeasured pixel, falling by e per px
 _ROUGHNESS = 0.006  # |Δ ln E| per px² of smooth tissue
@@ -46,7 +48,8 @@ def remove_by_colour(
     I − c_I k_s, passing into the local body colour where the highlight is stronger than the body.
     """
     luminance, body = parts.luminance, np.maximum(parts.body, 1e-5).astype(np.float32)
-    hole = (grown(parts.highlights, _TAIL) | grown(cores, _TAIL)) & usable
+    tail = _BLURRED_TAIL if parts.uneven else _TAIL
+    hole = (grown(parts.highlights, tail) | grown(cores, tail)) & usable
     if not hole.any():
         return Removed(linear, hole, hole)
     if parts.uneven and not fill:
@@ -91,15 +94,15 @@ def _with_own_colours(parts: Split, body: Grey, hole: Mask, usable: Mask, data: 
     around, weight = _measured(parts, body, hole, data)
     filled = np.exp(fit_smooth(around, np.where(hole, 0.0, weight), hole, usable, _ROUGHNESS))
     count, labels = regions(hole)
-    counted = hole & data & sample & (parts.excess > 0.1 * body)
+    counted = hole & sample & (weight > 0) & (parts.excess > 0.1 * body)
     label, excess = labels[counted], parts.excess[counted].astype(np.float64)
     missing = filled[counted] - body[counted]
     shares = np.zeros(count)
     order = np.argsort(label, kind="stable")
     for part in np.split(order, np.cumsum(np.bincount(label, minlength=count))[:-1]):
         if len(part) >= _FEWEST:
-            ratio = np.sort(missing[part] / excess[part])
-            shares[label[part[0]]] = np.clip(ratio[len(ratio) // 2], -_MOST_LEFT, _MOST_LEFT)
+            left = weighted_median(missing[part] / excess[part], excess[part])
+            shares[label[part[0]]] = np.clip(left, -_MOST_LEFT, _MOST_LEFT)
     return np.maximum(body + shares[labels] * np.maximum(parts.excess, 0), 1e-5).astype(np.float32)
 
 

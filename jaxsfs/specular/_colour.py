@@ -47,7 +47,7 @@ def interface_colour(linear: Picture, excess: Grey, sample: Mask) -> Vector | No
     if not (steepness > 0).any():
         return None
     slopes = [(_gradients(linear[..., c], sample) * towards).sum(axis=0) for c in range(3)]
-    colour = np.array([_weighted_median(slope / np.maximum(steepness, 1e-30), steepness) for slope in slopes])
+    colour = np.array([weighted_median(slope / np.maximum(steepness, 1e-30), steepness) for slope in slopes])
     if colour.min() < _MOST_TINTED * colour.max():
         return None
     return 3 * colour / colour.sum()
@@ -77,7 +77,8 @@ def _eroded(mask: Mask) -> Mask:
     return cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0).astype(bool)
 
 
-def _weighted_median(values: Float[np.ndarray, "count"], weights: Float[np.ndarray, "count"]) -> float:
+def weighted_median(values: Float[np.ndarray, "count"], weights: Float[np.ndarray, "count"]) -> float:
+    """The value that half of the weight lies below."""
     order = np.argsort(values)
     below = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(below, below[-1] / 2)])

@@ -15,7 +15,7 @@ Mask = Bool[np.ndarray, "height width"]
 _SMOOTHING = 1.5  # px, σ
 _NOISE_LEFT = 0.188  # of white noise after that blur: 1/(2σ√π)
 _ADDED = 0.7  # least regression of brightness on excess in a highlight; 1 for added light, 0 for paler tissue
-_EDGE_RISE, _OF_PEAK = 0.08, 0.25
+_EDGE_RISE, _OF_PEAK = 0.05, 0.1
 _STEEP_RIM = 0.7  # share of a spot's rim that falls steeply; a fold falls on one side
 _PLAIN = 1.0  # interface over body from which no tissue colour explains a region
 
@@ -156,7 +156,7 @@ def opened_by_disc(values: Grey, size: Scalar) -> Grey:
 def spots_by_colour(luminance: Grey, excess: Grey, noise: Grey, usable: Mask, size: int, sure_share: Scalar) -> Mask:
     """Spots smaller than `size` px that stand out from uneven tissue both in excess and in luminance.
 
-    A spot has a pixel where both rise by `sure_share` of the luminance, and ends where the rise falls below a quarter
+    A spot has a pixel where both rise by `sure_share` of the luminance, and ends where the rise falls below a tenth
     of the highest near by, so that it does not run out into the pale tissue around.
     """
     level = blur_among(luminance, usable, 1.0)

@@ -1,0 +1,98 @@
+"""Highlights of real endoscope pictures: is the body as bright inside as around, and is its texture still there?
+
+    python experiments/specular_real.py --out out/specular_real
+
+Highlight pixels are found by a rule of its own, not by the method: the least channel as stored is 0.12 above its
+median over a neighbourhood, and no channel is saturated (nor beside such a pixel). Colours are estimated on one half of
+the picture (alternate blocks of 4 × 4 px) and everything is measured on the other half.
+
+ratio: body luminance over that of the ring round the highlight (3 to 8 px away), the median over the pixels; 1 is
+right. contrast: deviation of ln body from its blur (σ 2 px), root mean square inside over that in the ring, so 1 keeps
+the texture; a fill alone has none, which the column `filled` shows. The data lie beside the project, see `--data`.
+"""
+
+import argparse
+import os
+from pathlib import Path
+
+import cv2
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsfs import SRGBResponse, find_field, read_image
+from jaxsfs.files import write_png
+from jaxsfs.specular import LUMINANCE, RED_MINUS_GREEN, remove_highlights, saturated
+
+SRGB = SRGBResponse()
+FEWEST = 240
+
+
+def grown(mask: np.ndarray, radius: int) -> np.ndarray:
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    return cv2.dilate(mask.astype(np.uint8), disc).astype(bool)
+
+
+def highlight_pixels(stored: np.ndarray, field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unsaturated highlight pixels, and the ring of 3 to 8 px round highlights and saturated pixels."""
+    least = np.rint(255 * stored.min(axis=-1)).astype(np.uint8)
+    size = 2 * int(0.06 * min(least.shape)) + 1
+    rises = (least.astype(float) - cv2.medianBlur(least, size) > 0.12 * 255) & field
+    clipped = saturated(stored, 250 / 255)
+    return rises & ~grown(clipped, 1), grown(rises | clipped, 8) & ~grown(rises | clipped, 3) & field
+
+
+def level_around(light: np.ndarray, ring: np.ndarray) -> np.ndarray:
+    share = cv2.GaussianBlur(ring.astype(float), (0, 0), 5)
+    return cv2.GaussianBlur(np.where(ring, light, 0), (0, 0), 5) / np.maximum(share, 1e-6)
+
+
+def roughness(light: np.ndarray, where: np.ndarray) -> float:
+    log = np.log(np.maximum(light, 1e-4))
+    return float(np.sqrt(np.mean((log - cv2.GaussianBlur(log, (0, 0), 2))[where] ** 2)))
+
+
+def measure(path: Path, out: Path | None = None) -> dict[str, float | str]:
+    """The figures of one picture; with `out` also a picture: stored | changed outlined | body."""
+    photo = read_image(path)
+    stored = photo.values.astype(np.float64)
+    field = find_field(photo.values).mask
+    linear = np.asarray(SRGB.decode(jnp.asarray(stored)))
+    v, u = np.indices(field.shape) // 4
+    seen = (u + v) % 2 == 0
+    clipped = saturated(stored) & field
+    auto = remove_highlights(linear, field, saturated=clipped, sample=seen)
+    filled = remove_highlights(linear, field, saturated=clipped, sample=seen, method="mask")
+    inside, ring = highlight_pixels(stored, field)
+    inside &= ~seen & (level_around(ring.astype(float), field) > 0.02)
+    figures: dict[str, float | str] = {"picture": path.name, "pixels": int(inside.sum())}
+    versions = {"stored": linear @ LUMINANCE, "R−G": linear @ RED_MINUS_GREEN}
+    versions |= {"filled": filled.values @ LUMINANCE, "ours": auto.values @ LUMINANCE}
+    for name, light in versions.items():
+        figures[f"ratio {name}"] = float(np.median(light[inside] / level_around(light, ring)[inside]))
+    for name in ("filled", "ours"):
+        figures[f"contrast {name}"] = roughness(versions[name], inside) / roughness(versions[name], ring & ~seen)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        shown = stored.copy()
+        shown[auto.highlights & ~cv2.erode(auto.highlights.astype(np.uint8), np.ones((3, 3))).astype(bool)] = (0, 1, 0)
+        body = np.asarray(SRGB.encode(jnp.asarray(np.clip(auto.values, 0, 1))))
+        write_png(
+            out / f"{path.stem}.png", np.rint(255 * np.hstack([stored, shown, body])).astype(np.uint8), force=True
+        )
+    return figures
+
+
+def pictures(data: Path) -> list[Path]:
+    return sorted((data / "specular_endoscope").glob("*.bmp"))
+
+
+if __name__ == "__main__":
+    default = Path(os.environ.get("JAXSFS_DATA", Path(__file__).parents[1] / "../shared/data"))
+    parser = argparse.ArgumentParser(description="Highlights of real endoscope pictures, inside against around.")
+    parser.add_argument("--out", type=Path, default=Path("out/specular_real"), help="folder for the pictures")
+    parser.add_argument("--data", type=Path, default=default, help="folder of the real images")
+    arguments = parser.parse_args()
+    rows = [measure(path, arguments.out) for path in pictures(arguments.data)]
+    print("| " + " | ".join(rows[0]) + " |\n|" + "---|" * len(rows[0]))
+    for row in rows:
+        print("| " + " | ".join(f"{x:.2f}" if isinstance(x, float) else str(x) for x in row.values()) + " |")
