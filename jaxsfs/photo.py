@@ -89,15 +89,16 @@ def irradiance_of(
     weights: Weights = _CHANNELS["luminance"],
     smooth_px: Scalar = 0.0,
     clip_limit: Scalar | None = 254 / 255,
+    clipped: Bool[np.ndarray, "height width"] | None = None,
     black: Scalar = 0.0,
 ) -> tuple[Irradiance, PhotoReport]:
     """Image irradiance E = smooth(Σ w_i decode(stored_i))/V(α), up to the camera's gain, and what was left out.
 
     `photo`: stored values, (height, width) grey or (height, width, 3) red, green, blue; full scale is 1. `valid`:
     pixels to use. `weights`: of the channels in linear light. A pixel is clipped, and no data, where a channel with a
-    weight reaches `clip_limit` (None: nothing is clipped), and black where the weighted linear light is not above
-    `black`. `smooth_px`: σ of a Gaussian among the valid pixels; others neither give nor get anything. α is the angle
-    between ray and optical axis.
+    weight reaches `clip_limit` (None: nothing is clipped) or where `clipped` says so, and black where the weighted
+    linear light is not above `black`. `smooth_px`: σ of a Gaussian among the valid pixels; others neither give nor get
+    anything. α is the angle between ray and optical axis.
 
     Raises ValueError for another size than the camera's or the mask's, a negative σ, and when no pixel is left.
     """
@@ -116,21 +117,22 @@ def irradiance_of(
     dtype = jnp.result_type(float)
     wanted = np.ones((height, width), bool) if valid is None else valid
     limit = math.inf if clip_limit is None else clip_limit
+    marked = np.zeros((height, width), bool) if clipped is None else clipped
     kernel = None if smooth_px == 0 else jnp.asarray(_gaussian(float(smooth_px)), dtype)
     scalars = jax.tree.map(lambda x: jnp.asarray(x, dtype), (tuple(weights), limit, black))
     values, kinds = _irradiance(
-        jnp.asarray(photo, dtype), jnp.asarray(wanted), camera, response, falloff, kernel, *scalars
+        jnp.asarray(photo, dtype), jnp.asarray(wanted), jnp.asarray(marked), camera, response, falloff, kernel, *scalars
     )
     counts = np.bincount(np.asarray(kinds).ravel(), minlength=5)
-    used, outside, no_ray, clipped, black_pixels = (int(count) for count in counts)
+    used, outside, no_ray, too_bright, black_pixels = (int(count) for count in counts)
     if not used:
-        raise ValueError(_nothing_left_message(outside, no_ray, clipped, black_pixels))
-    report = PhotoReport(height * width, used, outside, no_ray, clipped, black_pixels, float(values.max()))
+        raise ValueError(_nothing_left_message(outside, no_ray, too_bright, black_pixels))
+    report = PhotoReport(height * width, used, outside, no_ray, too_bright, black_pixels, float(values.max()))
     return Irradiance(values, kinds == 0), report
 
 
 @jax.jit
-def _irradiance(photo, wanted, camera, response, falloff, kernel, weights, limit, black):
+def _irradiance(photo, wanted, marked, camera, response, falloff, kernel, weights, limit, black):
     """E, and per pixel 0 used, 1 outside, 2 no ray, 3 clipped, 4 black."""
     if photo.ndim == 3:
         weight = jnp.stack(weights)
@@ -139,6 +141,7 @@ def _irradiance(photo, wanted, camera, response, falloff, kernel, weights, limit
     else:
         linear = response.decode(photo)
         clipped = photo >= limit
+    clipped = clipped | marked
     no_ray = ~camera.field(photo.dtype)
     no_data = ~wanted | no_ray | clipped
     brightest = jnp.max(jnp.where(no_data, 0, linear))

@@ -14,7 +14,7 @@ LAYERS = (
     ("photometry", "irradiance", "surface", "shading"),
     ("geometry", "levelset", "sweeping", "initial", "lights"),
     ("rendering", "reconstruction", "photo", "field", "specular"),
-    ("evaluation", "mesh", "pictures", "calibration", "refinement"),
+    ("evaluation", "mesh", "pictures", "calibration", "refinement", "preparation"),
     ("files", "convert", "target", "report"),
     ("cli",),
 )

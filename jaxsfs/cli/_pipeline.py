@@ -17,7 +17,8 @@ from jaxsfs.cli._summary import summary
 from jaxsfs.cli._terminal import command_line, progress, versions
 from jaxsfs.field import find_field
 from jaxsfs.initial import AbstractInitial
-from jaxsfs.photo import PhotoReport, clipping_limit, irradiance_of, size_message
+from jaxsfs.photo import clipping_limit, size_message
+from jaxsfs.preparation import Preparation, prepare
 from jaxsfs.reconstruction import Reconstruction, scaled_to
 from jaxsfs.reconstruction import reconstruct as solve
 
@@ -49,10 +50,10 @@ def run(options: ReconstructOptions) -> int:
         progress(f"reading {options.image}")
         given = _read(options)
         progress(f"solving {given.size[0]} x {given.size[1]} px")
-        result, report = _solved(options, given)
+        result, prepared = _solved(options, given)
         progress(f"writing {options.out}")
         files.write_surface(folder, result.surface, given.photo.rgb8(), given.settings.unit)
-        record = _record(options, given, result, report)
+        record = _record(options, given, result, prepared)
         files.write_json(folder / "result.json", record)
     if options.json:
         print((options.out / "result.json").read_text(encoding="utf-8"), end="")
@@ -95,12 +96,13 @@ def _as_seen(linear: Float[np.ndarray, "height width *channels"]) -> Float[np.nd
     return np.clip(linear / white, 0, 1).astype(np.float32) ** np.float32(1 / 2.2)
 
 
-def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction, PhotoReport]:
+def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction, Preparation]:
     settings, camera = given.settings, given.file.camera
-    irradiance, report = irradiance_of(
+    prepared = prepare(
         given.photo.values,
         camera,
         valid=given.valid,
+        specular=options.specular,
         response=settings.parsed("response"),
         falloff=settings.parsed("falloff"),
         weights=settings.parsed("channel"),
@@ -108,9 +110,9 @@ def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction,
         clip_limit=clipping_limit(given.photo.dtype),
     )
     result = solve(
-        irradiance,
+        prepared.irradiance,
         camera,
-        albedo=report.largest if settings.albedo.value is None else settings.albedo.value,
+        albedo=prepared.photo.largest if settings.albedo.value is None else settings.albedo.value,
         reflectance=settings.parsed("reflectance"),
         light=options.light,
         solver=options.solver,
@@ -120,7 +122,7 @@ def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction,
     )
     if given.known_range is not None:
         result = scaled_to(result, *given.known_range)
-    return result, report
+    return result, prepared
 
 
 def _initial(options: ReconstructOptions) -> Setting:
@@ -131,7 +133,9 @@ def _initial(options: ReconstructOptions) -> Setting:
     return Setting("deadline" if options.light == "camera" else "singular-point", DEFAULT)
 
 
-def _record(options: ReconstructOptions, given: _Input, result: Reconstruction, report: PhotoReport) -> dict[str, Any]:
+def _record(
+    options: ReconstructOptions, given: _Input, result: Reconstruction, prepared: Preparation
+) -> dict[str, Any]:
     """result.json."""
     settings = given.settings
     albedo = dataclasses.replace(settings.albedo, value=float(result.albedo))
@@ -153,11 +157,16 @@ def _record(options: ReconstructOptions, given: _Input, result: Reconstruction, 
             "trustworthy": result.status.trustworthy,
         },
         "unit": settings.unit,
-        "figures": {"range": _lengths(result), "photograph": report.as_dict(), "solution": result.statistics.as_dict()},
+        "figures": {
+            "range": _lengths(result),
+            "photograph": prepared.photo.as_dict(),
+            "preparation": prepared.figures(),
+            "solution": result.statistics.as_dict(),
+        },
         "options": {name: setting.as_dict() for name, setting in settings_used.items()}
         | {
             name: _given_or_default(options, name)
-            for name in ("light", "solver", "order", "smooth", "precision", "known_range", "concave")
+            for name in ("specular", "light", "solver", "order", "smooth", "precision", "known_range", "concave")
         },
         "camera": camera_to_dict(given.file),
         "versions": versions(),

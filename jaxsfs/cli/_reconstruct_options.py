@@ -46,6 +46,9 @@ class ReconstructOptions:
     channel: Annotated[
         str | None, value("luminance|red|green|blue|R,G,B", default="the camera file's, else luminance")
     ] = None
+    # Highlights: auto measures inside them by colour and fills their cores; mask fills them; dichromatic is the paper's
+    # separation at every pixel; off leaves them in.
+    specular: Literal["auto", "mask", "dichromatic", "off"] = "auto"
     # Gaussian smoothing in linear light.
     smooth: Annotated[float, value("SIGMA_PX")] = 0.0
     # Gain times albedo, which sets the scale: E = RHO G(cos)/range^2. With 1, lengths are in scene units.

@@ -18,6 +18,7 @@ def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
             f"median {_number(lengths['median'])}",
         ),
         ("pixels", f"{photo['used']} of {photo['pixels']} used ({', '.join(left_out)})"),
+        ("highlights", _preparation(record["figures"]["preparation"])),
         (
             "solution",
             ", ".join(f"{k.replace('_', ' ')} {_number(v)}" for k, v in record["figures"]["solution"].items()),
@@ -28,6 +29,20 @@ def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
         rows.append((name, f"{_number(value)} ({origin})"))
     head = f"{folder}: {size['width']} x {size['height']} px in {seconds:.1f} s"
     return "\n".join([head, *(f"  {name:<12} {text}" for name, text in rows)])
+
+
+def _preparation(figures: Mapping[str, Any]) -> str:
+    found = figures["highlights"]
+    parts = [f"{found['highlights']} pixels ({found['method']})"]
+    parts += [
+        f"{figures[key]} clipped pixels {words}"
+        for key, words in (
+            ("restored_from_other_channels", "restored from other channels"),
+            ("filled_from_surroundings", "filled from their surroundings"),
+        )
+        if figures[key]
+    ]
+    return ", ".join(parts)
 
 
 def _number(value: Any) -> str:

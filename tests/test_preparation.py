@@ -1,0 +1,119 @@
+"""Photographs with highlights and clipping: what is known of them afterwards, against the renderer's truth."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from data_synth import default_camera, scene_from_text, take_photo
+from data_synth.viewing import observe
+from jaxsfs import Irradiance, reconstruct
+from jaxsfs.photo import parse_channel
+from jaxsfs.photometry import LinearResponse, NoFalloff, SRGBResponse
+from jaxsfs.preparation import prepare
+from jaxsfs.specular import restore_clipped
+
+SIZE = (160, 120)
+WEIGHTS = np.array(parse_channel("luminance"))
+TISSUE, GREY = (0.75, 0.35, 0.28), (1.0, 1.0, 1.0)
+
+
+def seen(name, **effects):
+    scene = scene_from_text(name)
+    view = observe(scene, default_camera(scene, *SIZE), half_field_deg=50.0)
+    return view, take_photo(view, read_noise=0.004, seed=1, **effects)
+
+
+def prepared(view, photo, **options):
+    limit = 254 / 255
+    return prepare(
+        photo.stored / 255.0,
+        view.camera,
+        response=SRGBResponse(),
+        falloff=NoFalloff(),
+        weights=parse_channel("luminance"),
+        valid=np.asarray(view.surface.valid),
+        clip_limit=limit,
+        **options,
+    )
+
+
+def abs_rel(view, irradiance):
+    found = reconstruct(Irradiance(jnp.asarray(irradiance.values, float), irradiance.valid), view.camera).surface
+    both = np.asarray(found.valid & view.surface.valid)
+    truth, range_ = np.asarray(view.surface.range)[both], np.asarray(found.range)[both]
+    return float(np.mean(np.abs(range_ * np.median(truth) / np.median(range_) / truth - 1)))
+
+
+@pytest.mark.parametrize("name", ["plane", "ball", "hollow-ball"])
+def test_a_shining_wall_is_as_good_as_a_matte_one(name):
+    view, photo = seen(name, shine=0.5)
+    assert abs_rel(view, prepared(view, photo).irradiance) < 0.008
+    left_in = abs_rel(view, prepared(view, photo, specular="off").irradiance)
+    assert left_in > 0.009
+
+
+@pytest.mark.parametrize("name", ["plane", "ball", "wavy-wall"])
+def test_a_third_of_the_pixels_clipped_in_red_costs_nothing(name):
+    view, photo = seen(name, percentile=64, level=1.0, body_colour=TISSUE)
+    found = prepared(view, photo)
+    clipped = (photo.stored >= 254).any(axis=-1) & np.asarray(view.surface.valid)
+    assert clipped.mean() > 0.2
+    assert found.measured.sum() > 0.9 * clipped.sum()
+    assert abs_rel(view, found.irradiance) < 0.002
+
+
+@pytest.mark.parametrize(("name", "bound"), [("plane", 0.008), ("ball", 0.012), ("tube", 0.04)])
+def test_a_third_of_the_pixels_white_leaves_no_plateau(name, bound):
+    view, photo = seen(name, percentile=64, level=1.0, body_colour=GREY)
+    found = prepared(view, photo, specular="off")
+    truth = np.asarray(view.irradiance.values) * photo.gain
+    inside = found.filled & (truth > 1.05)
+    assert inside.sum() > 0.15 * found.filled.size
+    values = np.asarray(found.irradiance.values)
+    assert values[inside].min() > 0.95  # what clipping says
+    gap = np.abs(np.log(values[inside] / truth[inside]))
+    plateau = np.abs(np.log(1 / truth[inside]))
+    assert gap.mean() < 0.25 * plateau.mean()
+    assert abs_rel(view, found.irradiance) < bound
+
+
+def test_a_clean_photograph_is_left_as_it_is():
+    view, photo = seen("plane", level=0.7)
+    on, off = prepared(view, photo), prepared(view, photo, specular="off")
+    assert on.specular.highlights == 0
+    np.testing.assert_array_equal(on.irradiance.values, off.irradiance.values)
+
+
+def test_an_almost_white_picture_is_not_invented():
+    stored = np.ones((*SIZE[::-1], 3))
+    stored[50:60, 70:80] = 0.5
+    camera = default_camera(scene_from_text("plane"), *SIZE)
+    found = prepare(
+        stored, camera, response=SRGBResponse(), falloff=NoFalloff(), weights=parse_channel("luminance"), specular="off"
+    )
+    assert not found.filled.any()
+    assert found.photo.used == 100
+    assert found.photo.clipped > 1000
+
+
+def test_a_pixel_whose_other_channels_have_another_colour_is_not_measured_by_them():
+    linear = np.full((40, 40, 3), (0.6, 0.3, 0.25))
+    clipped = np.zeros((40, 40, 3), bool)
+    clipped[10:20, 10:20, 0] = clipped[25:30, 25:30, 0] = True
+    linear[clipped] = 1.0
+    linear[25:30, 25:30, 1:] = (0.3, 0.9)  # bluish: no body of this picture
+    unknown = clipped.any(axis=-1)
+    found = restore_clipped(linear, unknown, clipped, np.ones((40, 40), bool), WEIGHTS, 1.0)
+    assert found.measured[10:20, 10:20].all()
+    assert found.filled[25:30, 25:30].all()
+    np.testing.assert_allclose(found.values[10:20, 10:20], np.array([0.6, 0.3, 0.25]) @ WEIGHTS, rtol=1e-6)
+
+
+def test_float_pictures_have_no_limit():
+    view, photo = seen("plane", bits=None, response=LinearResponse())
+    found = prepare(
+        photo.stored, view.camera, response=LinearResponse(), falloff=NoFalloff(), weights=(1.0, 0.0, 0.0),
+        valid=np.asarray(view.surface.valid), clip_limit=None,
+    )  # fmt: skip
+    assert found.photo.clipped == 0
+    assert not found.filled.any()
