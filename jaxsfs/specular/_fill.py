@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse.linalg import cg, spsolve
 
 from jaxsfs.forms import Scalar
-from jaxsfs.specular._local import regions
+from jaxsfs.specular._local import blur, regions
 
 Grey = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
@@ -47,10 +47,11 @@ def _start(measured: Grey, weight: Grey, hole: Mask) -> Grey:
     known = ~hole | (weight > 0)
     values, guess = np.where(known, measured, 0).astype(np.float64), np.zeros(measured.shape)
     missing = ~known
-    share, total = known.astype(np.float64), values
+    # only a start: single precision, and wide blurs at reduced resolution
+    share, total = known.astype(np.float32), values.astype(np.float32)
     sigma = 2.0
     while missing.any() and sigma < 2 * max(measured.shape):
-        near, spread = cv2.GaussianBlur(share, (0, 0), sigma), cv2.GaussianBlur(total, (0, 0), sigma)
+        near, spread = blur(share, sigma), blur(total, sigma)
         reached = missing & (near > 0.02)
         guess[reached] = spread[reached] / near[reached]
         missing &= ~reached

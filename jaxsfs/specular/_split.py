@@ -61,16 +61,20 @@ def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -
         estimate = interface_colour(linear, found.excess, strong & ~grown(~data, 2))
         if estimate is None or saturation(k_d, estimate) < GREYEST:
             break
-        found, origin = _split_with(linear, data, k_d, estimate, covariance, sample), "estimated from the highlights"
+        found = _split_with(linear, data, k_d, estimate, covariance, sample, found.highlights)
+        origin = "estimated from the highlights"
     return found._replace(interface_origin=origin)
 
 
-def _split_with(linear: Colours, data: Mask, k_d: Vector, k_s: Vector, covariance, sample: Mask) -> Split:
+def _split_with(
+    linear: Colours, data: Mask, k_d: Vector, k_s: Vector, covariance, sample: Mask, start: Mask | None = None
+) -> Split:
     luminance = linear @ LUMINANCE.astype(linear.dtype)
     strength = body_strength(linear, interface_free_vector(k_d, k_s, covariance), k_d)
     sigma = NEIGHBOURHOOD * min(data.shape)
-    highlights, body, excess, uneven = np.zeros_like(data), luminance, luminance, False
-    for turn in range(_ROUNDS):
+    highlights = np.zeros_like(data) if start is None else start
+    body, excess, uneven = luminance, luminance, False
+    for turn in range(0 if start is None else 2, _ROUNDS):
         # a broad highlight would be its own neighbourhood: before it is found, the body colour is that of far around
         width = sigma if turn else _FAR * sigma
         keep = data & sample & ~grown(highlights, _MARGIN)
