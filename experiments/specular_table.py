@@ -202,7 +202,7 @@ def run(out: Path, quick: bool, count: int, tuning: bool) -> None:
     seeds = list(TUNING_SEEDS if tuning else REPORT_SEEDS)[: 1 if quick else count]
     with jax.enable_x64(True):
         works = own_ground()
-        means, sheet = compare(seeds, kinds, (120, 96) if quick else (320, 256))
+        means, sheet = compare(seeds, kinds, (120, 96) if quick else (200, 160))
     rows = table(means, kinds)
     head = list(rows[0])
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
