@@ -64,17 +64,19 @@ _HOME = {
         "parse_response",
     ),
     "jaxsfs.irradiance": ("Irradiance",),
+    "jaxsfs.lights": ("Light", "Lights", "lights_from_dict", "lights_to_dict", "shade_lights"),
     "jaxsfs.surface": ("Surface",),
     "jaxsfs.initial": ("Curve", "Deadline", "SingularPoint", "SummitHeights", "Threshold"),
     "jaxsfs.reconstruction": ("Reconstruction", "Statistics", "Status", "reconstruct", "scaled_to"),
-    "jaxsfs.rendering": ("photograph", "render", "render_distant", "shade", "shade_distant"),
+    "jaxsfs.rendering": ("photograph", "render", "render_distant", "render_lights", "shade", "shade_distant"),
     "jaxsfs.photo": ("PhotoReport", "irradiance_of"),
+    "jaxsfs.refinement": ("Refinement", "RefinementStatus", "refine"),
     "jaxsfs.field": ("FieldMask", "find_field"),
     "jaxsfs.evaluation": ("Evaluation", "evaluate"),
     "jaxsfs.mesh": ("mesh_from_surface",),
     "jaxsfs.pictures": ("depth_picture", "shaded_picture"),
     "jaxsfs.convert": ("export_camera", "import_camera"),
-    "jaxsfs.files": ("InputError", "read_camera", "read_image", "read_map", "read_mask", "write_camera"),
+    "jaxsfs.files": ("InputError", "read_camera", "read_image", "read_lights", "read_map", "read_mask", "write_camera"),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = tuple(sorted(_MODULE_OF))  # pyright: ignore[reportUnsupportedDunderAll]
@@ -154,6 +156,9 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
         read_image as read_image,
     )
     from jaxsfs.files import (
+        read_lights as read_lights,
+    )
+    from jaxsfs.files import (
         read_map as read_map,
     )
     from jaxsfs.files import (
@@ -179,6 +184,21 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.irradiance import (
         Irradiance as Irradiance,
+    )
+    from jaxsfs.lights import (
+        Light as Light,
+    )
+    from jaxsfs.lights import (
+        Lights as Lights,
+    )
+    from jaxsfs.lights import (
+        lights_from_dict as lights_from_dict,
+    )
+    from jaxsfs.lights import (
+        lights_to_dict as lights_to_dict,
+    )
+    from jaxsfs.lights import (
+        shade_lights as shade_lights,
     )
     from jaxsfs.mesh import (
         mesh_from_surface as mesh_from_surface,
@@ -240,6 +260,15 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.reconstruction import (
         scaled_to as scaled_to,
     )
+    from jaxsfs.refinement import (
+        Refinement as Refinement,
+    )
+    from jaxsfs.refinement import (
+        RefinementStatus as RefinementStatus,
+    )
+    from jaxsfs.refinement import (
+        refine as refine,
+    )
     from jaxsfs.reflectance import (
         AbstractReflectance as AbstractReflectance,
     )
@@ -269,6 +298,9 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.rendering import (
         render_distant as render_distant,
+    )
+    from jaxsfs.rendering import (
+        render_lights as render_lights,
     )
     from jaxsfs.rendering import (
         shade as shade,

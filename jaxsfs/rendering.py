@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 from jaxsfs.camera import AbstractCamera, AbstractCentralCamera
 from jaxsfs.forms import Scalar
 from jaxsfs.irradiance import Irradiance
+from jaxsfs.lights import Lights, check_two_angles, shade_lights
 from jaxsfs.photometry import AbstractFalloff, AbstractResponse, NoFalloff, SRGBResponse
 from jaxsfs.reflectance import AbstractReflectance, Lambertian
 from jaxsfs.surface import Surface
@@ -74,6 +75,39 @@ def render_distant(
     """
     cosine, valid = _facing(surface)
     values = shade_distant(cosine, reflectance=reflectance, albedo=albedo)
+    return Irradiance(jnp.where(valid, values, 0), valid)
+
+
+def render_lights(
+    surface: Surface,
+    lights: Lights,
+    *,
+    reflectance: AbstractReflectance = _LAMBERTIAN,
+    albedo: Scalar | FloatImage = 1.0,
+) -> Irradiance:
+    """Irradiance image of `surface` under lights beside the lens: E = ρ Σ p_i S_i(cos ψ_i) G(θ_i, θ_e)/|l_i − x|²,
+    normals from differences of ln r, of second order.
+
+    `surface` in the unit of the lights' positions (mm). Valid where the normal exists, the surface faces the camera
+    and at least one light; the values are 0 elsewhere. Thrown shadows are not modelled. Raises ValueError for a camera
+    without a projection centre, and for a reflectance other than Lambertian and Power (see `lights.reflected`).
+    """
+    if not isinstance(surface.camera, AbstractCentralCamera):
+        raise ValueError(f"lights beside the lens need a central camera, got {type(surface.camera).__name__}")
+    check_two_angles(reflectance)
+    return _render_lights(surface, lights, reflectance, albedo)
+
+
+@jax.jit
+def _render_lights(surface: Surface, lights: Lights, reflectance: AbstractReflectance, albedo: Scalar | FloatImage):
+    normals, exists = surface.normals()
+    rays = surface.camera.rays(surface.range.dtype)
+    valid = exists & (jnp.sum(normals * rays, axis=-1) < 0)
+    # what is not valid is seen from straight ahead, so that no derivative of a reflectance is infinite
+    points = jnp.where(valid, surface.range, 1)[..., None] * rays
+    normals = jnp.where(valid[..., None], normals, -rays)
+    values = shade_lights(points, normals, lights, reflectance=reflectance, albedo=albedo)
+    valid = valid & (values > 0)
     return Irradiance(jnp.where(valid, values, 0), valid)
 
 

@@ -11,7 +11,7 @@ _HOME = {
     "_maps": ("read_map", "write_png", "write_tiff"),
     "_meshes": ("write_mesh",),
     "_photo": ("Photo", "read_image", "read_mask"),
-    "_records": ("read_camera", "read_json", "write_camera", "write_json"),
+    "_records": ("read_camera", "read_json", "read_lights", "write_camera", "write_json"),
     "_surface": ("write_surface",),
 }
 _MODULE_OF = {name: f"jaxsfs.files.{module}" for module, names in _HOME.items() for name in names}
@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.files._photo import read_mask as read_mask
     from jaxsfs.files._records import read_camera as read_camera
     from jaxsfs.files._records import read_json as read_json
+    from jaxsfs.files._records import read_lights as read_lights
     from jaxsfs.files._records import write_camera as write_camera
     from jaxsfs.files._records import write_json as write_json
     from jaxsfs.files._surface import write_surface as write_surface

@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxsfs.camera import AbstractCamera, CameraFile, camera_from_dict, camera_to_dict
 from jaxsfs.files._atomic import InputError, read_bytes, write_bytes
+from jaxsfs.lights import Lights, lights_from_dict
 
 
 def read_json(path: str | Path) -> dict[str, Any]:
@@ -38,6 +39,15 @@ def read_camera(path: str | Path) -> CameraFile:
     record = read_json(path)
     try:
         return camera_from_dict(record)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def read_lights(path: str | Path) -> Lights:
+    """The lights file `path` (see `lights_from_dict`). Raises InputError that names the file and what is wrong."""
+    record = read_json(path)
+    try:
+        return lights_from_dict(record)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
 
