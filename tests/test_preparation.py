@@ -44,7 +44,7 @@ def abs_rel(view, irradiance):
     return float(np.mean(np.abs(range_ * np.median(truth) / np.median(range_) / truth - 1)))
 
 
-@pytest.mark.parametrize("name", ["plane", "ball", "hollow-ball"])
+@pytest.mark.parametrize("name", ["plane", "ball", "hollow-ball", "wavy-wall"])
 def test_a_shining_wall_is_as_good_as_a_matte_one(name):
     view, photo = seen(name, shine=0.5)
     assert abs_rel(view, prepared(view, photo).irradiance) < 0.008

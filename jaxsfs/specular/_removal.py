@@ -9,7 +9,8 @@ from jaxtyping import Bool, Float
 
 from jaxsfs.specular._adaptive import Removed, remove_by_brightness, remove_by_colour
 from jaxsfs.specular._colour import body_colour
-from jaxsfs.specular._detection import grown, outshines, touching
+from jaxsfs.specular._cores import highlight_cores
+from jaxsfs.specular._detection import grown, outshines
 from jaxsfs.specular._dichromatic import LUMINANCE, WHITE, Vector, saturation, separate
 from jaxsfs.specular._split import GREYEST, Split, split
 
@@ -18,7 +19,6 @@ Mask = Bool[np.ndarray, "height width"]
 Method = Literal["auto", "mask", "dichromatic", "off"]
 
 _WIDEST_FILL = 0.05  # distance to the nearest data, share of the short side, beyond which a fill is a guess
-_WHITER = 0.15  # excess over luminance in a saturated highlight; a body that saturates keeps its colour longer
 _NO_COLOUR = "the body is as grey as the interface, so colour tells nothing: spots found by brightness are filled"
 
 
@@ -116,8 +116,9 @@ def _inside_highlights(
         cores = outshines(luminance, saturated, usable, 1.25)
         removed = remove_by_brightness(single, luminance, usable, data, cores)
     else:
-        whiter = saturated & (parts.excess > _WHITER * luminance)
-        cores = outshines(luminance, whiter, usable, 1.5) | touching(saturated, parts.highlights, 3)
+        cores = highlight_cores(
+            single, luminance, saturated, usable, parts.highlights, parts.excess, parts.interface_colour
+        )
         removed = remove_by_colour(single, parts, usable, data, cores, sample, fill=fill)
     values = np.where(_like(removed.hole, linear), removed.values.astype(linear.dtype), linear)
     unknown = (saturated & ~removed.hole) | _far_from_data(removed, usable)
