@@ -203,7 +203,10 @@ def _solve(name: str, setup: Setup, start, weight, noise: float) -> Solution:
 def _as_fit(name: str, setup: Setup, solution: Solution, weight, noise: float) -> Fit:
     parameters, residual = np.array(solution.parameters), np.array(solution.residual)
     free = free_for(name, setup)
-    covariance, condition = _covariance(np.array(solution.jacobian), weight, free, setup.prior_sd)
+    jacobian = np.array(solution.jacobian)
+    # a failed fit has no covariance, but its failure must arrive where it is asked for
+    usable = jacobian if bool(solution.success) else np.zeros_like(jacobian)
+    covariance, condition = _covariance(usable, weight, free, setup.prior_sd)
     return Fit(
         name=name,
         setup=setup,
@@ -211,7 +214,7 @@ def _as_fit(name: str, setup: Setup, solution: Solution, weight, noise: float) -
         residual=residual,
         weight=weight,
         noise=noise,
-        jacobian=np.array(solution.jacobian),
+        jacobian=jacobian,
         covariance=covariance,
         condition=condition,
         success=bool(solution.success),

@@ -8,39 +8,42 @@ from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from jaxsfs.calibration._blobs import blobs
+from jaxsfs.calibration._cells import Cells, find_cells
 from jaxsfs.calibration._field import Photograph
 from jaxsfs.calibration._lattice import grow_lattice
+from jaxsfs.calibration._line_edges import SAMPLES, depth_of, half_depth
 
 LEAST_POINTS = 5  # of a line
-_SAMPLES = 41
+_LEAST_CELLS = 9
+_LEAST_COVER = 0.54
 
 
 class LinePoints(NamedTuple):
-    """`pixel` and index of the `line` of every point; `source`: "dots", "line grid" or "checkerboard"."""
+    """`pixel` and index of the `line` of every point; `source`: "dots", "line grid" or "checkerboard"; `axis` (0 or 1)
+    and `place` of every line in the grid."""
 
     pixel: Float[np.ndarray, "count 2"]
     line: Int[np.ndarray, " count"]
     source: str
+    axis: Int[np.ndarray, " lines"]
+    place: Int[np.ndarray, " lines"]
 
 
 def find_lines(photo: Photograph) -> LinePoints | None:
     """The straight lines of whichever pattern gives the largest lattice; None if no line has enough points."""
-    dots, cells, saddles = blobs(photo), blobs(photo, dark=False), saddle_points(photo)
-    lattices = {
-        "dots": (dots, *grow_lattice(dots)),
-        "line grid": (cells, *grow_lattice(cells)),
-        "checkerboard": (saddles, *grow_lattice(saddles)),
-    }
+    cells, dots = find_cells(photo), blobs(photo)
+    grown = grow_lattice(dots)
+    if len(cells.middle) >= max(_LEAST_CELLS, _smooth_runs(dots, *grown)) and cells.cover > _LEAST_COVER:
+        return _long_enough(*_between_cells(photo, cells), "line grid")
+    saddles = saddle_points(photo)
+    lattices = {"dots": (dots, *grown), "checkerboard": (saddles, *grow_lattice(saddles))}
     source = max(lattices, key=lambda name: _smooth_runs(*lattices[name]))
     points, rows, index = lattices[source]
     if len(rows) < 12:
         return None
-    if source == "line grid":
-        pixel, line = _between_cells(photo, points[rows], index)
-    else:
-        pixel = np.concatenate([points[rows], points[rows]])
-        line = np.concatenate([index[:, 0], 1000 + index[:, 1]])
-    return _long_enough(pixel, line, source)
+    pixel = np.concatenate([points[rows], points[rows]])
+    axis = np.repeat([0, 1], len(rows))
+    return _long_enough(pixel, np.stack([axis, index.T.ravel()], axis=1), source)
 
 
 def _smooth_runs(points: Float[np.ndarray, "count 2"], rows, index) -> int:
@@ -57,21 +60,23 @@ def _smooth_runs(points: Float[np.ndarray, "count 2"], rows, index) -> int:
     return count
 
 
-def _long_enough(pixel, line, source: str) -> LinePoints | None:
-    """The points of smooth lines: those within 4 robust sd of a polynomial along the line's chord; lines that are
-    rough (sd above 0.6 px) or of which 30 % does not fit are left out."""
-    kept_pixel, kept_line = [], []
-    for name in np.unique(line):
-        points = pixel[line == name]
+def _long_enough(pixel, name: Int[np.ndarray, "count 2"], source: str) -> LinePoints | None:
+    """The points of smooth lines (`name`: axis and place): those within 4 robust sd of a polynomial along the line's
+    chord; lines that are rough (sd above 0.6 px) or of which 30 % does not fit are left out."""
+    kept_pixel, kept_line, names = [], [], []
+    for one in np.unique(name, axis=0):
+        points = pixel[(name == one).all(axis=1)]
         if len(points) < LEAST_POINTS:
             continue
         near = _near_curve(points)
         if near.sum() >= LEAST_POINTS and near.mean() > 0.7:
             kept_pixel.append(points[near])
             kept_line.append(np.full(int(near.sum()), len(kept_line)))
+            names.append(one)
     if len(kept_line) < 2:
         return None
-    return LinePoints(np.concatenate(kept_pixel), np.concatenate(kept_line), source)
+    axis, place = np.array(names).T
+    return LinePoints(np.concatenate(kept_pixel), np.concatenate(kept_line), source, axis, place)
 
 
 def _near_curve(points: Float[np.ndarray, "count 2"]) -> Bool[np.ndarray, " count"]:
@@ -113,55 +118,34 @@ def saddle_points(photo: Photograph) -> Float[np.ndarray, "count 2"]:
     return refined[near].astype(float)
 
 
-def _between_cells(photo: Photograph, cells: Float[np.ndarray, "count 2"], index: Int[np.ndarray, "count 2"]):
-    """Middles of the dark lines between neighbouring cells: three profiles from each cell to the next, shifted
-    along the line by a quarter of a cell."""
-    at = {tuple(key): row for row, key in enumerate(index)}
-    starts, ends, lines = [], [], []
-    for axis in (0, 1):
+def _between_cells(photo: Photograph, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of the dark lines between neighbouring cells, and (axis, place) of each: three profiles from each cell
+    to the next, shifted along the line by a quarter of a cell."""
+    middle, at = cells.middle, {tuple(key): row for row, key in enumerate(cells.index.tolist())}
+    starts, ends, names = [], [], []
+    for axis, (right, down) in enumerate([(1, 0), (0, 1)]):
         for (i, j), row in at.items():
-            other = at.get((i + 1, j) if axis == 0 else (i, j + 1))
+            other = at.get((i + right, j + down))
             if other is None:
                 continue
-            across = [at.get((i, j + s) if axis == 0 else (i + s, j)) for s in (-1, 1)]
-            shifts = [cells[n] - cells[row] for n in across if n is not None]
-            for fraction in (0.0, 0.28):
-                for shift in shifts[:1] if fraction == 0 else shifts:
-                    starts.append(cells[row] + fraction * shift)
-                    ends.append(cells[other] + fraction * shift)
-                    lines.append(i + 1000 * axis if axis == 0 else 1000 + j)
+            across = [at.get((i + s * down, j + s * right)) for s in (-1, 1)]
+            shifts = [0.28 * (middle[n] - middle[row]) for n in across if n is not None]
+            for shift in [np.zeros(2), *shifts]:
+                starts.append(middle[row] + shift)
+                ends.append(middle[other] + shift)
+                names.append((axis, (i, j)[axis]))
     if not starts:
-        return np.zeros((0, 2)), np.zeros(0, int)
-    middle, good = _line_middles(photo, np.array(starts), np.array(ends))
-    return middle[good], np.array(lines)[good]
+        return np.zeros((0, 2)), np.zeros((0, 2), int)
+    found, good = _line_middles(photo, np.array(starts), np.array(ends))
+    return found[good], np.array(names)[good]
 
 
 def _line_middles(photo: Photograph, start: Float[np.ndarray, "n 2"], end: Float[np.ndarray, "n 2"]):
-    """Middle between the two half-depth crossings of the dark line between `start` and `end`."""
-    along = np.linspace(0, 1, _SAMPLES)
-    points = start[:, None] + along[None, :, None] * (end - start)[:, None]
-    grid = points.astype(np.float32)
-    linear = photo.linear.astype(np.float32)
-    profile = cv2.remap(linear, grid[..., 0], grid[..., 1], cv2.INTER_CUBIC).astype(float)
+    """Middle between the two half-depth crossings of the dark line between `start` and `end`, both on paper."""
+    along = np.linspace(0, 1, SAMPLES)
+    grid = (start[:, None] + along[None, :, None] * (end - start)[:, None]).astype(np.float32)
+    profile = cv2.remap(photo.linear.astype(np.float32), grid[..., 0], grid[..., 1], cv2.INTER_CUBIC).astype(float)
     usable = cv2.remap(photo.usable.astype(np.uint8), grid[..., 0], grid[..., 1], cv2.INTER_NEAREST).all(axis=1)
-    profile = ndimage.gaussian_filter1d(profile, 1.0, axis=1)
-    paper = np.percentile(profile, 80, axis=1)
-    depth = 1 - profile / np.maximum(paper, 0.01)[:, None]
-    deepest = depth[:, 5:-5].argmax(axis=1) + 5
-    level = 0.5 * depth[np.arange(len(depth)), deepest]
-    left, right = np.zeros(len(depth)), np.zeros(len(depth))
-    good = usable & (level > 0.12)
-    for row in np.nonzero(good)[0]:
-        below = depth[row] < level[row]
-        before, after = np.nonzero(below[: deepest[row]])[0], np.nonzero(below[deepest[row] :])[0]
-        if not len(before) or not len(after):
-            good[row] = False
-            continue
-        left[row] = _cross(depth[row], int(before[-1]), int(before[-1]) + 1, level[row])
-        right[row] = _cross(depth[row], int(deepest[row] + after[0]), int(deepest[row] + after[0]) - 1, level[row])
-    middle = 0.5 * (left + right) / (_SAMPLES - 1)
-    return start + middle[:, None] * (end - start), good & (right - left < 0.6 * _SAMPLES)
-
-
-def _cross(depth: np.ndarray, low: int, high: int, level: float) -> float:
-    return low + (high - low) * (level - depth[low]) / (depth[high] - depth[low])
+    left, right, peak, good = half_depth(depth_of(profile))
+    middle = 0.25 * (left + right) + 0.5
+    return start + middle[:, None] * (end - start), good & usable & (peak > 0.2) & (right - left < 1.2)

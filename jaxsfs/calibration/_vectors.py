@@ -51,6 +51,13 @@ def _line_distance(found: Fit, length: Float[np.ndarray, " count"]) -> Float[np.
     return (np.sum(_great_circles(found) * rays, axis=1) / np.maximum(length, 1e-12))[:, None]
 
 
+def line_directions(found: Fit) -> Float[np.ndarray, "count 2"]:
+    """Unit vectors along the lines' images at every observation."""
+    across = _line_gradient(found)
+    along = np.stack([-across[:, 1], across[:, 0]], axis=1)
+    return along / np.maximum(np.hypot(*across.T), 1e-12)[:, None]
+
+
 def _great_circles(found: Fit) -> Float[np.ndarray, "count 3"]:
     """The normal of the best great circle of every row's line."""
     o, kept = found.setup.observations, found.weight > 0

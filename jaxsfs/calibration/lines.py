@@ -5,25 +5,31 @@ image. The two obvious scores do not work: straightness in the unwarped picture 
 to its middle), and f times the angle from the great circle falls to 0 as f → 0. The curves of all three are reported.
 """
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Shaped
+from jaxtyping import Float, Int, Shaped
 
 from jaxsfs.calibration._compare import compare, preferred, score_named
-from jaxsfs.calibration._field import photograph_from
+from jaxsfs.calibration._field import Photograph, photograph_from
 from jaxsfs.calibration._fit import Fit, Setup, fit, lens_rays
 from jaxsfs.calibration._guards import check_same_size, warnings_of
 from jaxsfs.calibration._lens import ASPECT, LENS_SIZE, SHAPE, lens_named, start_lens
 from jaxsfs.calibration._line_points import LinePoints, find_lines
+from jaxsfs.calibration._line_search import search_lines
 from jaxsfs.calibration._problem import VIEWS_AT, Rows
 from jaxsfs.calibration._result import Calibration, ViewResult, total_covariance
 from jaxsfs.calibration._ring_setup import CENTRE_SD, SHAPE_SD
 from jaxsfs.calibration._uncertainty import used_radius
+from jaxsfs.calibration._vectors import line_directions
 from jaxsfs.photometry import AbstractResponse
 
 MOST_LINES = 128
 _STARTS = (1.06, 1.3, 1.7, 2.5, 4.0)  # f over the outermost used radius
+_SEARCHES = 4
+_LEAST_SCATTER = 10  # points from which a scatter is known
+_LEAST_SD = 0.02  # px: what neighbours share does not average away
 WORST_RMS = 0.0015  # of the image width
 _LOOSE = 1e6
 
@@ -46,19 +52,67 @@ def calibrate_grid(
     why = "no grid found: at least two lines of five crossings, dots or corners must show, in focus"
     if not kept:
         raise ValueError(f"{why}. Photograph a printed grid so that it fills the picture")
-    setup, owner = _setup([lines for _, lines in kept], photos[0].size, photos[0].field_centre(), aspect)
-    first = _first_fit(setup, photos[0].field_centre())
-    flexible = fit("spherical-k", setup, first.parameters, rounds=6)
-    flexible = flexible if flexible.success else first
+    centre = photos[0].field_centre()
+    setup, owner = _setup([lines for _, lines in kept], photos[0].size, centre, aspect)
+    flexible = _flexible(setup, _first_fit(setup, centre))
+    for _ in range(_SEARCHES if any(lines.source == "line grid" for _, lines in kept) else 0):
+        before = sum(len(lines.axis) for _, lines in kept)
+        kept = [(i, _searched(photos[i], flexible, lines)) for i, lines in kept]
+        setup, owner = _setup([lines for _, lines in kept], photos[0].size, centre, aspect)
+        flexible = _flexible(setup, flexible)
+        setup = _with_precision(flexible, owner)
+        flexible = _flexible(setup, flexible)
+        if sum(len(lines.axis) for _, lines in kept) <= before:
+            break
     groups = setup.observations.group
     scores = compare(setup, flexible, groups)
     chosen = preferred(scores) if model == "auto" else score_named(scores, model)
     best = fit(chosen.name, setup, chosen.fit.parameters, noise=chosen.fit.noise)
-    covariance = total_covariance(best, [groups, owner[groups]])
+    covariance = total_covariance(best, [groups, owner[groups], _bands(best)])
     views = [_view(best, owner, row, index, lines.source) for row, (index, lines) in enumerate(kept)]
     rejected = [(i, why) for i, lines in enumerate(found) if lines is None]
     warnings = warnings_of(best, covariance, views, scores)
     return Calibration("grid", best, covariance, scores, views, rejected, warnings, {"straightness": curves(best)})
+
+
+def _flexible(setup: Setup, start: Fit) -> Fit:
+    """The fit of r = f (s + k s³) from `start`; of r = f sin α where that fails or k runs away."""
+    fits = [fit(name, setup, start.parameters, rounds=6) for name in ("spherical", "spherical-k")]
+    fits = [found for found in fits if found.success] or fits[:1]
+    return min(fits, key=lambda found: float(np.median(np.abs(found.residual))) - 1e-3 * (found.name == "spherical"))
+
+
+def _with_precision(found: Fit, owner) -> Setup:
+    """The setup with each point's precision from the scatter of those of its photograph that lie as far from the axis,
+    on lines that run towards it or across: foreshortened lines at a dark rim scatter ten times more than the best."""
+    o = found.setup.observations
+    away = o.pixel - found.parameters[1:3]
+    radius = np.hypot(*away.T)
+    towards = np.abs(np.sum(line_directions(found) * away, axis=1)) > 0.7 * radius
+    sd = np.full(len(radius), np.nan)
+    for photograph in np.unique(owner):
+        mine = owner[o.group] == photograph
+        limits = np.quantile(radius[mine], np.linspace(0, 1, 9)[1:-1])
+        band = np.where(mine, 2 * np.searchsorted(limits, radius) + towards, -1)
+        for key in np.unique(band[mine]):
+            rows = (band == key) & (found.weight > 0)
+            if rows.sum() >= _LEAST_SCATTER:
+                sd[band == key] = max(1.4826 * float(np.median(np.abs(found.residual[rows, 0]))), _LEAST_SD)
+    typical = float(np.nanmedian(sd)) if np.isfinite(sd).any() else 1.0
+    precision = np.clip(typical / np.where(np.isfinite(sd), sd, 2 * typical), 0.1, 4.0)
+    return dataclasses.replace(found.setup, precision=precision)
+
+
+def _bands(found: Fit) -> Int[np.ndarray, " count"]:
+    """Eight bands of the distance from the axis: what all lines suffer at the rim shows when a band is left out."""
+    radius = np.hypot(*(found.setup.observations.pixel - found.parameters[1:3]).T)
+    return np.searchsorted(np.quantile(radius, np.linspace(0, 1, 9)[1:-1]), radius)
+
+
+def _searched(photo: Photograph, found: Fit, lines: LinePoints) -> LinePoints:
+    """The lines of a line grid all along; other patterns, and what is not found again, as they were."""
+    again = search_lines(photo, found, lines) if lines.source == "line grid" else None
+    return lines if again is None or len(again.pixel) < len(lines.pixel) else again
 
 
 def curves(found: Fit) -> dict[str, list[float]]:

@@ -1,0 +1,101 @@
+"""Both edges of a dark line in a photograph, searched across its predicted image."""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import ndimage
+
+from jaxsfs.calibration._field import Photograph
+
+SAMPLES = 41
+SIDES = (-1.5, -0.5, 0.5, 1.5)  # px along the line over which a profile is averaged
+_SMOOTH = 0.8  # samples
+_LEAST_DEPTH = 0.1  # of the paper
+_LEAST_RATIO = 6.0  # of a line's depth to the scatter of the paper at its sides
+_WIDEST = 0.5  # of the reach: wider lines run together with their neighbours
+
+
+class Curve(NamedTuple):
+    """A line's predicted image: unit `ray`, `pixel`, unit `tangent` and `normal`, and the `bend` κ (1/px, positive
+    where the centre of curvature lies along the normal) of points along it."""
+
+    ray: Float[np.ndarray, "count 3"]
+    pixel: Float[np.ndarray, "count 2"]
+    tangent: Float[np.ndarray, "count 2"]
+    normal: Float[np.ndarray, "count 2"]
+    bend: Float[np.ndarray, " count"]
+
+    def at(self, rows) -> "Curve":
+        return Curve(*(part[rows] for part in self))
+
+
+class Sides(NamedTuple):
+    """Offsets in px along the normals of a line's two edges, whether both are `good`, and the `blur` (sd, px) that
+    their slopes show."""
+
+    left: Float[np.ndarray, " count"]
+    right: Float[np.ndarray, " count"]
+    good: Bool[np.ndarray, " count"]
+    blur: Float[np.ndarray, " count"]
+
+
+def both_edges(photo: Photograph, curve: Curve, reach) -> Sides:
+    """Half-depth crossings on both sides of a dark line; the paper's brightness is a straight line between the
+    profile's ends."""
+    along = np.linspace(-1, 1, SAMPLES)
+    linear, mask = photo.linear.astype(np.float32), photo.usable.astype(np.uint8)
+    profile, ok = np.zeros((len(reach), SAMPLES)), np.ones(len(reach), bool)
+    for side in SIDES:
+        at = (curve.pixel + side * curve.tangent)[:, None] + (reach[:, None] * along)[..., None] * curve.normal[:, None]
+        at = at.astype(np.float32)
+        profile += cv2.remap(linear, at[..., 0], at[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        ok &= cv2.remap(mask, at[..., 0], at[..., 1], cv2.INTER_NEAREST).all(axis=1)
+    depth = depth_of(profile / len(SIDES))
+    left, right, peak, found = half_depth(depth)
+    ends = SAMPLES // 8
+    scatter = np.maximum(depth[:, :ends].std(axis=1), depth[:, -ends:].std(axis=1))
+    good = ok & found & (peak > _LEAST_DEPTH) & (peak > _LEAST_RATIO * scatter)
+    good &= (left > -_WIDEST) & (right < _WIDEST)
+    return Sides(reach * left, reach * right, good, _blur(depth, peak, 2 * reach / (SAMPLES - 1)))
+
+
+def _blur(depth, peak, spacing) -> Float[np.ndarray, " count"]:
+    """sd of the blur: a blurred step's steepest slope is its height/(√(2π)·sd)."""
+    slope = np.abs(np.diff(depth, axis=1)).max(axis=1) / spacing
+    square = (peak / (np.sqrt(2 * np.pi) * np.maximum(slope, 1e-6))) ** 2 - (_SMOOTH * spacing) ** 2
+    return np.sqrt(np.maximum(square, 0.0))
+
+
+def depth_of(profile: Float[np.ndarray, "count samples"]) -> Float[np.ndarray, "count samples"]:
+    """1 − value over the paper's, a straight line between the means of the profile's ends, slightly smoothed."""
+    ends = SAMPLES // 8
+    left, right = profile[:, :ends].mean(axis=1), profile[:, -ends:].mean(axis=1)
+    ramp = np.linspace(0, 1, SAMPLES)
+    ground = left[:, None] * (1 - ramp) + right[:, None] * ramp
+    return ndimage.gaussian_filter1d(1 - profile / np.maximum(ground, 0.003), _SMOOTH, axis=1)
+
+
+def half_depth(depth: Float[np.ndarray, "count samples"]):
+    """Coordinates (−1 … 1) of the crossings of half the deepest value on either side of it, that value, and whether
+    both were found."""
+    ends = SAMPLES // 8
+    deepest = ends + depth[:, ends:-ends].argmax(axis=1)
+    peak = depth[np.arange(len(depth)), deepest]
+    left, found_left = _half(depth, deepest, peak, -1)
+    right, found_right = _half(depth, deepest, peak, 1)
+    return left, right, peak, found_left & found_right
+
+
+def _half(depth, start, peak, direction: int) -> tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Coordinate (−1 … 1) where `depth` first falls to half its `peak` from `start` on, and whether it does."""
+    index, value = np.arange(SAMPLES), depth - 0.5 * peak[:, None]
+    below = (direction * (index - start[:, None]) > 0) & (value <= 0)
+    found = below.any(axis=1)
+    first = np.where(direction > 0, below.argmax(axis=1), SAMPLES - 1 - below[:, ::-1].argmax(axis=1))
+    first = np.where(found, first, start + direction)
+    rows = np.arange(len(depth))
+    low, high = value[rows, first], value[rows, first - direction]
+    at = first - direction * low / np.where(low == high, -1.0, low - high)
+    return 2 * at / (SAMPLES - 1) - 1, found
