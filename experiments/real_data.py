@@ -36,7 +36,6 @@ from jaxsfs import (
     depth_picture,
     evaluate,
     find_field,
-    irradiance_of,
     parse_falloff,
     parse_reflectance,
     parse_response,
@@ -48,6 +47,8 @@ from jaxsfs import (
 )
 from jaxsfs.files import write_png
 from jaxsfs.photo import automatic_response, clipping_limit, parse_channel
+from jaxsfs.preparation import prepare
+from jaxsfs.specular import Method
 
 SINUS, SIMCOL = "sinus_endoscope", "simcol3d"
 SINUS_FRAMES, SIMCOL_FRAMES = (4584, 4600), ("0000", "0004")
@@ -70,6 +71,7 @@ class Settings(NamedTuple):
     smooth: float = 0.0
     order: int = 2
     clip: float | None = None
+    specular: Method = "auto"
 
 
 DEFAULT = Settings("default options")
@@ -88,6 +90,8 @@ VARIANTS = (
     PRESET._replace(name="preset, even weights", channel="1,1,1"),
     PRESET._replace(name="preset, smooth 4", smooth=4.0),
     PRESET._replace(name="preset, order 1", order=1),
+    DEFAULT._replace(name="default, highlights left in", specular="off"),
+    PRESET._replace(name="preset, highlights left in", specular="off"),
     PRESET._replace(name="preset, clipped from 0.99", clip=0.99),
 )
 GAMMAS = (1.8, 2.2, 2.4, 2.6, 2.8, 3.2)
@@ -201,7 +205,7 @@ def simcol_case(folder: Path, frame: str, camera: str, shrink: int) -> Case:
 def solve(case: Case, settings: Settings) -> Reconstruction:
     """The surface in `case.photo`."""
     response = automatic_response(case.dtype) if settings.response == "auto" else settings.response
-    irradiance, _ = irradiance_of(
+    prepared = prepare(
         case.photo,
         case.camera,
         valid=case.mask,
@@ -210,9 +214,10 @@ def solve(case: Case, settings: Settings) -> Reconstruction:
         weights=parse_channel(settings.channel),
         smooth_px=settings.smooth / case.shrink,
         clip_limit=clipping_limit(case.dtype) if settings.clip is None else settings.clip,
+        specular=settings.specular,
     )
     return reconstruct(
-        irradiance, case.camera, reflectance=parse_reflectance(settings.reflectance), order=settings.order
+        prepared.irradiance, case.camera, reflectance=parse_reflectance(settings.reflectance), order=settings.order
     )
 
 

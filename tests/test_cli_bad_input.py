@@ -236,7 +236,9 @@ class TestOptions:
             (["--albedo", "2", "--known-range", "1,2,3"], "--albedo and --known-range both set the scale"),
             (["--albedo", "0"], "--albedo must be positive and finite, got 0"),
             (["--albedo", "nan"], "--albedo must be positive and finite, got nan"),
-            (["--smooth", "-1"], "--smooth must be 0 or more pixels, got -1"),
+            (["--smooth", "much"], "--smooth must be auto or 0 or more pixels, got much"),
+            (["--preset", "gastroscope"], "write one of: colonoscope"),
+            (["--smooth", "-1"], "--smooth must be auto or 0 or more pixels, got -1"),
             (["--known-range", "1,2"], "--known-range needs 3 numbers in the form U,V,R, got '1,2'"),
             (["--known-range", "a,b,c"], "--known-range needs numbers in the form U,V,R, got 'a,b,c'"),
             (["--known-range", "1,2,-3"], "--known-range needs a range R above 0"),
@@ -265,7 +267,7 @@ class TestOptions:
         assert run("image.png", *words) == 2
         check_refused(work, capsys, part)
 
-    @pytest.mark.parametrize("words", [["--order", "3"], ["--solver", "magic"], ["--nonsense"], ["--smooth", "much"]])
+    @pytest.mark.parametrize("words", [["--order", "3"], ["--solver", "magic"], ["--nonsense"]])
     def test_words_that_make_no_sense(self, work, capsys, words):
         assert run("image.png", *words) == 2
         said = capsys.readouterr()

@@ -13,7 +13,7 @@ LAYERS = (
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading"),
     ("geometry", "levelset", "sweeping", "initial", "lights"),
-    ("rendering", "reconstruction", "photo", "field", "specular"),
+    ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
     ("evaluation", "mesh", "pictures", "calibration", "refinement", "preparation"),
     ("files", "convert", "target", "report"),
     ("cli",),

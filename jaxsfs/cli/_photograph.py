@@ -76,7 +76,9 @@ def _write(options: PhotographOptions) -> int:
     from jaxsfs.camera import Spherical
 
     camera = (
-        Spherical(320.0, 322.0, 237.0, 640, 480) if options.camera is None else files.read_camera(options.camera).camera
+        Spherical(f=320.0, cx=322.0, cy=237.0, width=640, height=480)
+        if options.camera is None
+        else files.read_camera(options.camera).camera
     )
     pose = tilted(options.tilt, options.tilt_axis, options.height)
     studio = Studio(blur=options.blur, noise=options.noise)

@@ -17,6 +17,7 @@ from jaxsfs.cli._summary import summary
 from jaxsfs.cli._terminal import command_line, progress, versions
 from jaxsfs.field import find_field
 from jaxsfs.initial import AbstractInitial
+from jaxsfs.noise import noise_level, smoothing_for
 from jaxsfs.photo import clipping_limit, size_message
 from jaxsfs.preparation import Preparation, prepare
 from jaxsfs.reconstruction import Reconstruction, scaled_to
@@ -34,6 +35,7 @@ class _Input:
     valid: Bool[np.ndarray, "height width"]
     mask: Setting
     settings: Photometric
+    smooth: Setting
     initial: AbstractInitial
     known_range: tuple[tuple[int, int], float] | None
 
@@ -76,7 +78,16 @@ def _read(options: ReconstructOptions) -> _Input:
         else read_heights(options.heights, (width, height))
     )
     mask, origin = _mask(options, photo, settings.response.value)
-    return _Input(file, photo, photo.valid & mask, origin, settings, initial, known)
+    valid = photo.valid & mask
+    return _Input(file, photo, valid, origin, settings, _smooth(options, photo, valid), initial, known)
+
+
+def _smooth(options: ReconstructOptions, photo: files.Photo, valid: Bool[np.ndarray, "height width"]) -> Setting:
+    given = options.smooth_px()
+    if given is not None:
+        return Setting(given, COMMAND_LINE)
+    noise = noise_level(photo.values / max(1.0, float(photo.values.max())), valid)
+    return Setting(smoothing_for(noise), f"automatic, noise {noise:.2%} of full scale")
 
 
 def _mask(
@@ -106,7 +117,7 @@ def _solved(options: ReconstructOptions, given: _Input) -> tuple[Reconstruction,
         response=settings.parsed("response"),
         falloff=settings.parsed("falloff"),
         weights=settings.parsed("channel"),
-        smooth_px=options.smooth,
+        smooth_px=given.smooth.value,
         clip_limit=clipping_limit(given.photo.dtype),
     )
     result = solve(
@@ -146,6 +157,7 @@ def _record(
         "channel": settings.channel,
         "albedo": albedo,
         "mask": given.mask,
+        "smooth": given.smooth,
         "initial": _initial(options),
     }
     return {
@@ -166,7 +178,7 @@ def _record(
         "options": {name: setting.as_dict() for name, setting in settings_used.items()}
         | {
             name: _given_or_default(options, name)
-            for name in ("specular", "light", "solver", "order", "smooth", "precision", "known_range", "concave")
+            for name in ("preset", "specular", "light", "solver", "order", "precision", "known_range", "concave")
         },
         "camera": camera_to_dict(given.file),
         "versions": versions(),

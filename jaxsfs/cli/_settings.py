@@ -1,4 +1,4 @@
-"""Where each value of a reconstruction comes from: command line, then presets, then camera file, then default."""
+"""Where each value of a reconstruction comes from: command line, then camera file, then preset, then default."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence

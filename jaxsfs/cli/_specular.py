@@ -85,7 +85,7 @@ def _separated(options: SpecularOptions) -> int:
     if options.json:
         print((options.out / "result.json").read_text(encoding="utf-8"), end="")
     else:
-        print(_summary(options.out, record, usable.sum()))
+        print(_summary(options.out, record, int(usable.sum())))
     return 0
 
 

@@ -24,7 +24,18 @@ def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
             ", ".join(f"{k.replace('_', ' ')} {_number(v)}" for k, v in record["figures"]["solution"].items()),
         ),
     ]
-    for name in ("mask", "response", "falloff", "reflectance", "channel", "albedo", "initial", "solver", "order"):
+    for name in (
+        "mask",
+        "response",
+        "falloff",
+        "reflectance",
+        "channel",
+        "albedo",
+        "smooth",
+        "initial",
+        "solver",
+        "order",
+    ):
         value, origin = options[name]["value"], options[name]["origin"]
         rows.append((name, f"{_number(value)} ({origin})"))
     head = f"{folder}: {size['width']} x {size['height']} px in {seconds:.1f} s"
