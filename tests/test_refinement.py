@@ -120,6 +120,13 @@ def test_worse_gives_the_input_back():
     assert done.result is start
 
 
+def test_a_wall_at_the_guide_is_out_of_reach_and_said_to_be():
+    image, camera, truth, valid = picture(Plane(3.5), ONE)
+    done = refine(reconstruct(image, camera), ONE)
+    assert error(done.result, truth, valid) > 0.1
+    assert done.status is RefinementStatus.NOT_SETTLED
+
+
 def test_cells_see_the_model_of_the_renderer():
     """ln E between the pixels is that of the exact surface, to second order, and its derivatives are the true ones."""
     errors = []

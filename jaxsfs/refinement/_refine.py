@@ -21,6 +21,7 @@ from jaxsfs.rendering import render_lights
 from jaxsfs.surface import Surface
 
 _SETTLED = 2e-3  # mean change of ln r; the rest is a fifth of that, and the polish takes it
+_EXPLAINED = 0.2  # residual that a surface may have, as for a light at the lens
 
 
 class RefinementStatus(enum.Enum):
@@ -28,8 +29,9 @@ class RefinementStatus(enum.Enum):
 
     SETTLED = "The surface is corrected for the lights beside the lens."
     NOT_SETTLED = (
-        "The correction for the lights was still changing when it ended: check the albedo (gain x albedo, in mm²) and "
-        "the positions of the lights; nearer to the scope than its lights are to the lens it does not work."
+        "The correction for the lights was still changing when it ended, or does not explain the image: check the "
+        "albedo (gain x albedo, in mm²) and the positions of the lights. Surfaces as near as the lights are to the "
+        "lens are out of reach."
     )
     WORSE = (
         "The correction for the lights did not explain the image better and was dropped: the surface is that of a "
@@ -75,7 +77,7 @@ def refine(
     *,
     reflectance: AbstractReflectance = Lambertian(),  # noqa: B008 (frozen)
     again: Callable[[Irradiance], Reconstruction] | None = None,
-    solves: int = 5,
+    solves: int = 8,
     polish_steps: int = 6,
     smoothness: Scalar = 0.04,
 ) -> Refinement:
@@ -106,7 +108,7 @@ def refine(
     after = _residual(found, result.irradiance, lights, reflectance)
     if not after < before:
         return Refinement(result, changes, steps, before, before, status=RefinementStatus.WORSE)
-    settled = changes[-1] < max(_SETTLED, 0.1 * changes[0])
+    settled = changes[-1] < max(_SETTLED, 0.1 * changes[0]) and after < _EXPLAINED
     found = eqx.tree_at(lambda r: (r.irradiance, r.statistics.residual_mean), found, (result.irradiance, after))
     status = RefinementStatus.SETTLED if settled else RefinementStatus.NOT_SETTLED
     return Refinement(found, changes, steps, before, after, status=status)
