@@ -48,21 +48,35 @@ def read_heights(path: Path, size: tuple[int, int]) -> SummitHeights:
 
     Raises InputError that names the line that is wrong.
     """
+    return SummitHeights(jnp.asarray([(*pixel, z) for *pixel, z in _points(path, "z", size)], float))
+
+
+def read_known_ranges(path: Path, size: tuple[int, int]) -> list[tuple[int, int, float]]:
+    """Known ranges from a CSV file with the header u,v,range. Raises InputError that names the line that is wrong."""
+    points = _points(path, "range", size)
+    for number, (_, _, distance) in enumerate(points, start=2):
+        _positive(f"the range in line {number} of {path}", distance)
+    return points
+
+
+def _points(path: Path, third: str, size: tuple[int, int]) -> list[tuple[int, int, float]]:
+    """Lines u,v,`third` of a CSV file with that header."""
+    header = f"u,v,{third}"
     try:
         text = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{path} is not a text file; expected CSV with the header u,v,z") from None
+        raise InputError(f"{path} is not a text file; expected CSV with the header {header}") from None
     rows = [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text)) if row]
-    if not rows or [cell.lower() for cell in rows[0]] != ["u", "v", "z"]:
+    if not rows or [cell.lower() for cell in rows[0]] != header.split(","):
         found = ",".join(rows[0]) if rows else "nothing"
-        raise InputError(f"{path} must begin with the header u,v,z, got {found!r}")
+        raise InputError(f"{path} must begin with the header {header}, got {found!r}")
     if len(rows) == 1:
-        raise InputError(f"{path} has no line below its header; expected one line u,v,z per singular point")
+        raise InputError(f"{path} has no line below its header; expected one line {header} per point")
     points = []
     for number, row in enumerate(rows[1:], start=2):
-        u, v, z = _numbers(f"line {number} of {path}", ",".join(row), "U,V,Z")
-        points.append((*_pixel(f"line {number} of {path}", u, v, size), z))
-    return SummitHeights(jnp.asarray(points, float))
+        u, v, value = _numbers(f"line {number} of {path}", ",".join(row), header.upper())
+        points.append((*_pixel(f"line {number} of {path}", u, v, size), value))
+    return points
 
 
 def parse_known_range(text: str, size: tuple[int, int]) -> tuple[tuple[int, int], float]:

@@ -58,6 +58,12 @@ class ReconstructOptions:
     albedo: Annotated[float | None, value("RHO", default="the camera file's gain_albedo, else 1")] = None
     # The range R in mm at pixel (U, V), which sets the scale instead of --albedo.
     known_range: Annotated[str | None, value("U,V,R", default="none")] = None
+    # CSV file with the header u,v,range (mm): known ranges, from which response, fall-off, reflectance and scale are
+    # estimated. At least five, at different distances; fewer do not help.
+    estimate_photometry: Annotated[Path | None, value("FILE", default="none")] = None
+    # Lights beside the lens (JSON, mm): the surface is corrected for them. Needs the scale: --known-range, --albedo in
+    # mm², or a calibrated gain_albedo in the camera file.
+    lights: Annotated[Path | None, value("FILE", default="none")] = None
     # Bits of the floating-point numbers.
     precision: Literal[32, 64] = 32
     # Replace the results of an earlier run.
@@ -71,6 +77,7 @@ class ReconstructOptions:
         if self.albedo is not None and not 0 < self.albedo < float("inf"):
             raise CannotRun(f"--albedo must be positive and finite, got {self.albedo:g}")
         self.smooth_px()
+        self._check_light_options()
         if self.known_range is not None and not numbers("--known-range", self.known_range, "U,V,R")[2] > 0:
             raise CannotRun(f"--known-range needs a range R above 0, got {self.known_range!r}")
         if self.heights is not None and self.light != "distant":
@@ -91,3 +98,13 @@ class ReconstructOptions:
         if not 0 <= sigma < float("inf"):
             raise CannotRun(f"--smooth must be auto or 0 or more pixels, got {self.smooth}")
         return sigma
+
+    def _check_light_options(self) -> None:
+        if self.light == "distant" and (self.lights is not None or self.estimate_photometry is not None):
+            raise CannotRun("--lights and --estimate-photometry belong to a light at the camera, not --light distant")
+        if self.estimate_photometry is None:
+            return
+        found = ("response", "falloff", "reflectance", "preset", "albedo", "known_range")
+        given = [f"--{name.replace('_', '-')}" for name in found if getattr(self, name) is not None]
+        if given:
+            raise CannotRun(f"--estimate-photometry finds what {', '.join(given)} would set; leave one of them out")

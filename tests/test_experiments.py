@@ -1,0 +1,16 @@
+"""The experiments run, and print what they say."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_what_photographing_costs(tmp_path):
+    command = [sys.executable, "experiments/photographs.py", "--quick", "--out", str(tmp_path)]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    rows = [line.split(" | ") for line in run.stdout.splitlines()[2:]]
+    assert [row[0].strip("| ") for row in rows] == ["plane", "ball", "polyps"]
+    assert all(float(row[3]) < float(row[2]) for row in rows)
+    assert (tmp_path / "photographs.md").read_text(encoding="utf-8").endswith(run.stdout)
