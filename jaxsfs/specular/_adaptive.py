@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from jaxsfs.specular._colour import weighted_median
 from jaxsfs.specular._detection import grown, highlights_by_brightness
 from jaxsfs.specular._dichromatic import LUMINANCE
-from jaxsfs.specular._fill import fit_smooth
+from jaxsfs.specular._fill import Fit, fit_for, fit_smooth
 from jaxsfs.specular._local import blur_among, local_ratio, noise_by_level, regions
 from jaxsfs.specular._split import NEIGHBOURHOOD, Split
 
@@ -22,7 +22,7 @@ _TAIL = 2  # px by which a detected highlight is extended
 _BLURRED_TAIL = 4  # px, on real tissue: optics and compression blur a highlight's rim
 _COLOUR_ERROR = 0.12  # share of the interface part that an interface colour, not exact, leaves in the body
 _BLOOM = 0.1  # relative error of the body beside an unmeasured pixel, falling by e per px
-_ROUGHNESS = 0.006  # |Δ ln E| per px² of smooth tissue
+_ROUGHNESS = 0.004  # |Δ ln E| per px² of smooth tissue
 _MISFIT = 1.5  # mean squared residual in σ from which a picture's own edges are followed
 _DARKEST_BODY = 0.33  # share of the luminance below which the body is what errors of k_s and of the response make
 _FEWEST = 6  # pixels of a highlight that tell its own colour
@@ -52,12 +52,13 @@ def remove_by_colour(
     hole = (grown(parts.highlights, tail) | grown(cores, tail)) & usable
     if not hole.any():
         return Removed(linear, hole, hole)
+    fit = fit_for(hole, usable, _ROUGHNESS)
     if parts.uneven and not fill:
-        body = _with_own_colours(parts, body, hole, usable, data, sample)
+        body = _with_own_colours(fit, parts, body, hole, data, sample)
     measured, weight = _measured(parts, body, hole, data)
     if fill:
         weight = np.where(hole, 0.0, weight)
-    fitted = _fit(measured, weight, hole, usable)
+    fitted = _fit(fit, measured, weight, hole)
     level = np.exp(fitted).astype(np.float32)
     # a highlight adds light: where there is a luminance, the body is at most that
     level = np.where(data, np.minimum(level, luminance), level)
@@ -79,12 +80,12 @@ def remove_by_brightness(linear: Picture, luminance: Grey, usable: Mask, data: M
     sigma = noise_by_level(luminance, luminance, data) / np.maximum(luminance, 1e-5)
     measured = np.log(np.maximum(luminance, 1e-5)).astype(np.float64)
     weight = np.where(data & ~hole, 1 / (sigma.astype(np.float64) ** 2 + 1e-6), 0.0)
-    level = np.exp(fit_smooth(measured, weight, hole, usable, _ROUGHNESS)).astype(np.float32)
+    level = np.exp(fit_smooth(fit_for(hole, usable, _ROUGHNESS), measured, weight, hole)).astype(np.float32)
     values = level if linear.ndim == 2 else level[..., None] * _local_colour(linear, luminance, data & ~hole)
     return Removed(values, hole, hole)
 
 
-def _with_own_colours(parts: Split, body: Grey, hole: Mask, usable: Mask, data: Mask, sample: Mask) -> Grey:
+def _with_own_colours(fit: Fit, parts: Split, body: Grey, hole: Mask, data: Mask, sample: Mask) -> Grey:
     """Body + ε·excess, with the ε of each highlight that brings it to the level of what is around.
 
     One k_s for all highlights of a real picture is not exact (soft clipping, several lights): a·k_s is then not 0, and
@@ -92,7 +93,7 @@ def _with_own_colours(parts: Split, body: Grey, hole: Mask, usable: Mask, data: 
     but the level can be brought in from around: what varies inside stays measured.
     """
     around, weight = _measured(parts, body, hole, data)
-    filled = np.exp(fit_smooth(around, np.where(hole, 0.0, weight), hole, usable, _ROUGHNESS))
+    filled = np.exp(fit_smooth(fit, around, np.where(hole, 0.0, weight), hole))
     count, labels = regions(hole)
     counted = hole & sample & (weight > 0) & (parts.excess > 0.1 * body)
     label, excess = labels[counted], parts.excess[counted].astype(np.float64)
@@ -119,16 +120,16 @@ def _measured(parts: Split, body: Grey, hole: Mask, data: Mask) -> tuple[Grey, G
     return np.log(np.where(hole & data, body, luminance)).astype(np.float64), np.where(known, 1 / variance, 0.0)
 
 
-def _fit(measured: Grey, weight: Grey, hole: Mask, usable: Mask) -> Grey:
+def _fit(fit: Fit, measured: Grey, weight: Grey, hole: Mask) -> Grey:
     """A smooth fit, done again with more weight where the measurements together insist on an edge."""
-    fitted = fit_smooth(measured, weight, hole, usable, _ROUGHNESS)
+    fitted = fit_smooth(fit, measured, weight, hole)
     misfit = np.where(hole, (fitted - measured) ** 2 * weight, 0).astype(np.float32)
     misfit = blur_among(misfit, hole & (weight > 0), 1.5).astype(np.float64)
     insists = hole & (misfit > _MISFIT)
     if not insists.any():
         return fitted
     heavier = weight * np.where(insists, np.minimum(misfit / _MISFIT, 10) ** 2, 1)
-    return fit_smooth(measured, heavier, hole, usable, _ROUGHNESS)
+    return fit_smooth(fit, measured, heavier, hole, fitted)
 
 
 def _local_colour(linear: Colours, luminance: Grey, keep: Mask) -> Colours:

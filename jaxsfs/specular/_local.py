@@ -75,3 +75,17 @@ def regions(mask: Mask) -> tuple[int, Int[np.ndarray, "height width"]]:
     """Number of labels and the label of every pixel: 0 outside the mask, one for each 8-connected region."""
     count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     return count, np.asarray(labels, np.int32)
+
+
+def spread_from(values: Grey, known: Mask) -> Grey:
+    """`values` averaged over the `known` pixels near by, by the narrowest Gaussian that reaches any."""
+    share, total = known.astype(np.float32), np.where(known, values, 0).astype(np.float32)
+    result, missing = np.zeros(values.shape), np.ones_like(known)
+    sigma = 2.0
+    while missing.any() and sigma < 2 * max(values.shape):
+        near, sums = blur(share, sigma), blur(total, sigma)
+        reached = missing & (near > 0.02)
+        result[reached] = sums[reached] / near[reached]
+        missing &= ~reached
+        sigma *= 2
+    return result

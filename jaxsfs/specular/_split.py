@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -17,6 +18,7 @@ Mask = Bool[np.ndarray, "height width"]
 GREYEST = 0.08  # saturation of the body below which its colour gives no signal
 NEIGHBOURHOOD = 0.06  # σ of the local body colour, share of the short side
 
+_LARGE = 600_000  # pixels from which colours and highlights are first looked for at half the size
 _ROUNDS = 4
 _FAR = 6  # times the neighbourhood in the first round
 _MARGIN = 3  # px round highlights that are no sample of the body
@@ -49,6 +51,8 @@ def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -
     the sample and it is done again. An interface colour that is not given starts white and is estimated where the
     excess is strong. `data`: pixels that are usable and not saturated; `sample`: those to estimate colours from.
     """
+    if data.size > _LARGE:
+        return _split_large(linear, data, interface, sample)
     k_d = body_colour(linear, data & sample if (data & sample).any() else data)
     k_s = WHITE if interface is None else interface
     covariance = noise_covariance(linear, data)
@@ -61,22 +65,45 @@ def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -
         estimate = interface_colour(linear, found.excess, strong & ~grown(~data, 2))
         if estimate is None or saturation(k_d, estimate) < GREYEST:
             break
-        found = _split_with(linear, data, k_d, estimate, covariance, sample, found.highlights)
+        found = _split_with(linear, data, k_d, estimate, covariance, sample, found.highlights, _ROUNDS // 2)
         origin = "estimated from the highlights"
     return found._replace(interface_origin=origin)
 
 
+def _split_large(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -> Split | None:
+    """Colours and highlights found at half the size, where noise is less, and the highlights once more at full size."""
+    size = (data.shape[1] // 2, data.shape[0] // 2)
+    whole, counted = (
+        cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) for mask in (data, sample)
+    )
+    small = cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
+    found = split(small, (whole > 0.999) if (whole > 0.999).any() else whole > 0, interface, counted > 0.5)
+    if found is None:
+        return None
+    start = cv2.resize(found.highlights.astype(np.uint8), data.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    covariance = noise_covariance(linear, data)
+    full = _split_with(linear, data, found.body_colour, found.interface_colour, covariance, sample, start, 1)
+    return full._replace(interface_origin=found.interface_origin)
+
+
 def _split_with(
-    linear: Colours, data: Mask, k_d: Vector, k_s: Vector, covariance, sample: Mask, start: Mask | None = None
+    linear: Colours,
+    data: Mask,
+    k_d: Vector,
+    k_s: Vector,
+    covariance,
+    sample: Mask,
+    start: Mask | None = None,
+    rounds: int = _ROUNDS,
 ) -> Split:
     luminance = linear @ LUMINANCE.astype(linear.dtype)
     strength = body_strength(linear, interface_free_vector(k_d, k_s, covariance), k_d)
     sigma = NEIGHBOURHOOD * min(data.shape)
     highlights = np.zeros_like(data) if start is None else start
     body, excess, uneven = luminance, luminance, False
-    for turn in range(0 if start is None else 2, _ROUNDS):
+    for turn in range(rounds):
         # a broad highlight would be its own neighbourhood: before it is found, the body colour is that of far around
-        width = sigma if turn else _FAR * sigma
+        width = _FAR * sigma if start is None and turn == 0 else sigma
         keep = data & sample & ~grown(highlights, _MARGIN)
         keep = keep if keep.sum() >= 100 else data
         body = strength * np.clip(local_ratio(luminance, strength, keep, width), 0.3, 3)
