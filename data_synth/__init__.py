@@ -26,6 +26,7 @@ from data_synth.smooth import HollowBall as HollowBall
 from data_synth.smooth import Plane as Plane
 from data_synth.smooth import Tube as Tube
 from data_synth.smooth import WavyWall as WavyWall
+from data_synth.vessels import vessel_colours as vessel_colours
 from data_synth.viewing import View as View
 from data_synth.viewing import look as look
 from data_synth.viewing import observe as observe

@@ -72,6 +72,7 @@ class Settings(NamedTuple):
     order: int = 2
     clip: float | None = None
     specular: Method = "auto"
+    blood: float = 0.0
 
 
 DEFAULT = Settings("default options")
@@ -79,7 +80,9 @@ PRESET = Settings("preset", response="gamma:2.2", falloff="cos:1.6", reflectance
 EVEN = Settings("even weights, sRGB, cos:1.6", response="srgb", falloff="cos:1.6", channel="1,1,1")
 # Mostly red, the channel that blood in the mucosa darkens least. Weights chosen on the two sinus frames.
 RED_RICH = Settings("red-rich 6:3:1, sRGB", response="srgb", channel="0.6,0.3,0.1")
-SHOWN = {"default": DEFAULT, "preset": PRESET, "even": EVEN, "red-rich": RED_RICH}
+# Red, corrected for blood by the optical densities of haemoglobin.
+BLOOD = Settings("red, blood 0.15, sRGB", response="srgb", channel="red", blood=0.15)
+SHOWN = {"default": DEFAULT, "preset": PRESET, "even": EVEN, "red-rich": RED_RICH, "blood": BLOOD}
 VARIANTS = (
     Settings("sRGB", response="srgb"),
     Settings("sRGB, cos:1.6", response="srgb", falloff="cos:1.6"),
@@ -215,6 +218,7 @@ def solve(case: Case, settings: Settings) -> Reconstruction:
         smooth_px=settings.smooth / case.shrink,
         clip_limit=clipping_limit(case.dtype) if settings.clip is None else settings.clip,
         specular=settings.specular,
+        blood=settings.blood,
     )
     return reconstruct(
         prepared.irradiance, case.camera, reflectance=parse_reflectance(settings.reflectance), order=settings.order

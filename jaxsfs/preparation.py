@@ -52,12 +52,17 @@ def prepare(
     specular: Method = "auto",
     clip_limit: Scalar | None = 254 / 255,
     smooth_px: Scalar = 0.0,
+    blood: Scalar = 0.0,
 ) -> Preparation:
     """Irradiance of a photograph of stored values (full scale 1) with highlights and clipping dealt with.
 
     `specular`: how highlights are removed, "off" to leave them in. Clipped pixels are measured in the channels that
     are not clipped, and otherwise filled by a smooth ln E of at least the limit, unless they are most of the picture;
-    then they are left out. Raises ValueError as `irradiance_of` and `remove_highlights` do.
+    then they are left out. `blood`: exponent s of E ← E (E/½(G + B))^s, which takes out the darkening by blood; with
+    its optical densities ε in the weighted channels and ε' in green and blue s = ε/(ε' − ε), about 0.15 for red (Beer
+    and Lambert). It assumes that nothing but blood colours the tissue, and needs a colour photograph.
+
+    Raises ValueError as `irradiance_of` and `remove_highlights` do.
     """
     usable = np.ones(photo.shape[:2], bool) if valid is None else valid
     linear = np.asarray(response.decode(jnp.asarray(photo, jnp.float32)))
@@ -68,6 +73,8 @@ def prepare(
         specular = "off"  # what is wrong with such a picture is said below
     removal = remove_highlights(linear, usable, saturated=counted, method=specular) if specular != "off" else None
     values, unknown, measured, filled = _restored(linear, removal, clipped, counted, usable, weights, response)
+    if blood:
+        values = _without_blood(values, linear if removal is None else removal.values, float(blood))
     irradiance, report = irradiance_of(
         values.astype(np.float32),
         camera,
@@ -101,6 +108,13 @@ def _restored(linear, removal: HighlightRemoval | None, clipped, counted, usable
     limit = float(response.decode(jnp.asarray(254 / 255, jnp.float32)))
     found = restore_clipped(values, unknown, clipped, usable, share, limit)
     return found.values, unknown & ~found.measured & ~found.filled, found.measured, found.filled
+
+
+def _without_blood(values, linear, exponent: float):
+    if linear.ndim != 3:
+        raise ValueError("blood shows in colour only; a grey photograph needs blood = 0")
+    others = np.maximum(0.5 * (linear[..., 1] + linear[..., 2]), 1e-6)
+    return np.where(values > 0, values * (np.maximum(values, 1e-9) / others) ** exponent, 0)
 
 
 def _untouched(saturated: Bool[np.ndarray, "height width"]) -> SpecularReport:

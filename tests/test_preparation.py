@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from data_synth import default_camera, scene_from_text, take_photo
+from data_synth import default_camera, scene_from_text, take_photo, vessel_colours
 from data_synth.viewing import observe
 from jaxsfs import Irradiance, reconstruct
 from jaxsfs.photo import parse_channel
@@ -117,3 +117,26 @@ def test_float_pictures_have_no_limit():
     )  # fmt: skip
     assert found.photo.clipped == 0
     assert not found.filled.any()
+
+
+def test_vessels_are_not_relief():
+    """With the extinction of blood that the renderer has, ε_red = 0.13 of green's: s = 0.15."""
+    scene = scene_from_text("wavy-wall")
+    view = observe(scene, default_camera(scene, *SIZE), half_field_deg=50.0)
+    photo = take_photo(view, read_noise=0.002, seed=1, body_colour=vessel_colours(view, seed=3))
+    options = {
+        "response": SRGBResponse(), "falloff": NoFalloff(), "valid": np.asarray(view.surface.valid), "specular": "off"
+    }  # fmt: skip
+    as_seen = prepare(photo.stored / 255.0, view.camera, weights=parse_channel("luminance"), **options)
+    red = parse_channel("red")
+    corrected = prepare(photo.stored / 255.0, view.camera, weights=red, blood=0.15, smooth_px=0.7, **options)
+    assert abs_rel(view, as_seen.irradiance) > 0.01
+    assert abs_rel(view, corrected.irradiance) < 0.002
+
+
+def test_blood_needs_colour():
+    with pytest.raises(ValueError, match="blood shows in colour only"):
+        prepare(
+            np.full((120, 160), 0.5), default_camera(scene_from_text("plane"), *SIZE), response=SRGBResponse(),
+            falloff=NoFalloff(), weights=(1.0, 0.0, 0.0), blood=0.15,
+        )  # fmt: skip

@@ -51,6 +51,7 @@ def _solved(options: ReconstructOptions, given: Input) -> tuple[Reconstruction, 
         camera,
         valid=given.valid,
         specular=options.specular,
+        blood=options.blood,
         response=settings.parsed("response"),
         falloff=settings.parsed("falloff"),
         weights=settings.parsed("channel"),
@@ -122,7 +123,17 @@ def _record(
         "options": {name: setting.as_dict() for name, setting in settings_used.items()}
         | {
             name: _given_or_default(options, name)
-            for name in ("preset", "specular", "light", "solver", "order", "precision", "known_range", "concave")
+            for name in (
+                "preset",
+                "specular",
+                "blood",
+                "light",
+                "solver",
+                "order",
+                "precision",
+                "known_range",
+                "concave",
+            )
         },
         "camera": camera_to_dict(given.file),
         "versions": versions(),

@@ -46,6 +46,8 @@ class ReconstructOptions:
     channel: Annotated[
         str | None, value("luminance|red|green|blue|R,G,B", default="the camera file's, else luminance")
     ] = None
+    # Takes out the darkening by blood: E (E/mean(G, B))^S. About 0.15 with --channel red; 0 leaves it in.
+    blood: Annotated[float, value("S")] = 0.0
     # Highlights: auto measures inside them by colour and fills their cores; mask fills them; dichromatic is the paper's
     # separation at every pixel; off leaves them in.
     specular: Literal["auto", "mask", "dichromatic", "off"] = "auto"
@@ -77,6 +79,8 @@ class ReconstructOptions:
         if self.albedo is not None and not 0 < self.albedo < float("inf"):
             raise CannotRun(f"--albedo must be positive and finite, got {self.albedo:g}")
         self.smooth_px()
+        if not 0 <= self.blood <= 2:
+            raise CannotRun(f"--blood must lie between 0 and 2, got {self.blood:g}")
         self._check_light_options()
         if self.known_range is not None and not numbers("--known-range", self.known_range, "U,V,R")[2] > 0:
             raise CannotRun(f"--known-range needs a range R above 0, got {self.known_range!r}")
