@@ -15,6 +15,13 @@ def blobs(photo: Photograph, dark: bool = True, least_area: int = 12) -> Float[n
     A spot is a connected region beyond half the local contrast, of elliptic shape (bright: any convex-ish shape); its
     centre is the centroid weighted by contrast, over the region grown by 2 px.
     """
+    return blobs_and_areas(photo, dark, least_area)[0]
+
+
+def blobs_and_areas(
+    photo: Photograph, dark: bool = True, least_area: int = 12
+) -> tuple[Float[np.ndarray, "count 2"], Float[np.ndarray, " count"]]:
+    """The centres of `blobs` and their areas in px²."""
     contrast, weight = _contrast(photo, dark)
     inside = np.logical_and(contrast > 0.5, photo.field)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8), connectivity=4)
@@ -40,7 +47,8 @@ def blobs(photo: Photograph, dark: bool = True, least_area: int = 12) -> Float[n
         centres.append((np.sum(w * u) / w.sum() + window[1].start, np.sum(w * v) / w.sum() + window[0].start))
         areas.append(area)
     found, size = np.array(centres, float).reshape(-1, 2), np.array(areas, float)
-    return found[size > _SPECK * _typical_area(size)] if dark else found
+    kept = size > _SPECK * _typical_area(size) if dark else np.ones(len(size), bool)
+    return found[kept], size[kept]
 
 
 def _typical_area(areas: Float[np.ndarray, " count"]) -> float:
@@ -56,11 +64,14 @@ def _contrast(photo: Photograph, dark: bool) -> tuple[np.ndarray, np.ndarray]:
     linear = photo.linear.astype(np.float32)
     smooth = cv2.GaussianBlur(linear, (0, 0), 0.8)
     filled = np.where(photo.field, smooth, np.median(smooth[photo.field])).astype(np.float32)
-    paper = cv2.GaussianBlur(cv2.dilate(filled, kernel), (0, 0), size / 4)
+    most = cv2.dilate(filled, kernel)
+    paper = cv2.GaussianBlur(most, (0, 0), size / 4)
     ink = cv2.GaussianBlur(cv2.erode(filled, kernel), (0, 0), size / 4)
     depth = np.maximum(paper - ink, 0.15 * paper + 0.01)
     darkness = (paper - smooth) / depth
-    return (darkness if dark else 1 - darkness), ((paper - linear) / depth if dark else (linear - ink) / depth)
+    # the closing follows the paper where light falls off; the mere maximum is too bright on the side away from it
+    even = cv2.GaussianBlur(cv2.erode(most, kernel), (0, 0), size / 12)
+    return (darkness if dark else 1 - darkness), ((even - linear) / depth if dark else (linear - ink) / depth)
 
 
 def _ellipticity(region: np.ndarray) -> float:

@@ -23,7 +23,7 @@ class Cells(NamedTuple):
     convex hull that the cells fill (a checkerboard's bright squares fill less than half)."""
 
     middle: Float[np.ndarray, "count 2"]
-    index: Int[np.ndarray, "count 2"]
+    place: Int[np.ndarray, "count 2"]
     cover: float
 
 
@@ -57,9 +57,10 @@ def _regions(photo: Photograph) -> tuple[np.ndarray, Float[np.ndarray, "n 2"], F
     _, labels, stats, middle = cv2.connectedComponentsWithStats(bright, connectivity=4)
     outside = ndimage.binary_dilation(np.logical_not(photo.field), iterations=2, border_value=1)
     whole = (stats[:, 4] >= _LEAST_AREA) & (stats[:, 2:4].min(axis=1) >= 3)
-    whole[np.unique(labels[outside])] = whole[0] = False
+    touched = np.unique(np.asarray(labels)[np.asarray(outside, bool)]).astype(int)
+    whole[touched] = whole[0] = False
     for label in np.nonzero(whole)[0].tolist():
-        whole[label] = _ellipticity(labels, stats[label], label) > _LEAST_ELLIPTICITY
+        whole[label] = _ellipticity(labels, np.asarray(stats[label]), label) > _LEAST_ELLIPTICITY
     return np.where(whole[labels], labels, 0), middle, np.sqrt(stats[:, 4])
 
 
@@ -79,13 +80,14 @@ def _ellipticity(labels: np.ndarray, stat: np.ndarray, label: int) -> float:
     """Area over that of the ellipse with the region's second moments."""
     left, top, width, height, _ = stat
     v, u = np.nonzero(labels[top : top + height, left : left + width] == label)
-    spread = np.cov(np.stack([u, v])) + np.eye(2) / 12
+    spread = np.asarray(np.cov(np.stack([u, v]))) + np.eye(2) / 12
     return len(u) / (4 * np.pi * np.sqrt(max(np.linalg.det(spread), 1e-12)))
 
 
 def _neighbours(labels: np.ndarray, side: Float[np.ndarray, " n"]) -> dict[int, list[int]]:
     """Cells that meet along a line when all grow until they touch."""
-    gap, (v, u) = ndimage.distance_transform_edt(labels == 0, return_indices=True)
+    gap, nearest = ndimage.distance_transform_edt(labels == 0, return_indices=True)  # pyright: ignore
+    v, u = np.asarray(nearest)
     grown = np.where(gap < 0.5 * side[labels[v, u]], labels[v, u], 0)
     meet = [np.stack([grown[:, :-1].ravel(), grown[:, 1:].ravel()]), np.stack([grown[:-1].ravel(), grown[1:].ravel()])]
     pairs = np.sort(np.concatenate(meet, axis=1), axis=0)

@@ -32,13 +32,14 @@ class Curve(NamedTuple):
 
 
 class Sides(NamedTuple):
-    """Offsets in px along the normals of a line's two edges, whether both are `good`, and the `blur` (sd, px) that
-    their slopes show."""
+    """Offsets in px along the normals of a line's two edges, whether both are `good`, the `blur` (sd, px) that
+    their slopes show, and `fall`, ∂ ln(paper's brightness)/∂x in 1/px across the line."""
 
     left: Float[np.ndarray, " count"]
     right: Float[np.ndarray, " count"]
     good: Bool[np.ndarray, " count"]
     blur: Float[np.ndarray, " count"]
+    fall: Float[np.ndarray, " count"]
 
 
 def both_edges(photo: Photograph, curve: Curve, reach) -> Sides:
@@ -52,13 +53,16 @@ def both_edges(photo: Photograph, curve: Curve, reach) -> Sides:
         at = at.astype(np.float32)
         profile += cv2.remap(linear, at[..., 0], at[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         ok &= cv2.remap(mask, at[..., 0], at[..., 1], cv2.INTER_NEAREST).all(axis=1)
-    depth = depth_of(profile / len(SIDES))
+    profile = profile / len(SIDES)
+    depth = depth_of(profile)
     left, right, peak, found = half_depth(depth)
     ends = SAMPLES // 8
     scatter = np.maximum(depth[:, :ends].std(axis=1), depth[:, -ends:].std(axis=1))
     good = ok & found & (peak > _LEAST_DEPTH) & (peak > _LEAST_RATIO * scatter)
     good &= (left > -_WIDEST) & (right < _WIDEST)
-    return Sides(reach * left, reach * right, good, _blur(depth, peak, 2 * reach / (SAMPLES - 1)))
+    before, after = (np.maximum(profile[:, part].mean(axis=1), 1e-3) for part in (slice(ends), slice(-ends, None)))
+    fall = np.clip(np.log(after / before) / (2 * reach * (1 - ends / SAMPLES)), -0.3, 0.3)
+    return Sides(reach * left, reach * right, good, _blur(depth, peak, 2 * reach / (SAMPLES - 1)), fall)
 
 
 def _blur(depth, peak, spacing) -> Float[np.ndarray, " count"]:

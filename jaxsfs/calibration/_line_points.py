@@ -121,7 +121,7 @@ def saddle_points(photo: Photograph) -> Float[np.ndarray, "count 2"]:
 def _between_cells(photo: Photograph, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
     """Middles of the dark lines between neighbouring cells, and (axis, place) of each: three profiles from each cell
     to the next, shifted along the line by a quarter of a cell."""
-    middle, at = cells.middle, {tuple(key): row for row, key in enumerate(cells.index.tolist())}
+    middle, at = cells.middle, {tuple(key): row for row, key in enumerate(cells.place.tolist())}
     starts, ends, names = [], [], []
     for axis, (right, down) in enumerate([(1, 0), (0, 1)]):
         for (i, j), row in at.items():

@@ -31,8 +31,8 @@ class Family(NamedTuple):
 def search_lines(photo: Photograph, found: Fit, lines: LinePoints) -> LinePoints | None:
     """The same grid's lines with points all along them; None if too little is seen. `found`: a fit of "spherical" or
     "spherical-k" to `lines`."""
-    families = [_family(found, lines, axis) for axis in (0, 1)]
-    if any(family is None for family in families):
+    families = [family for axis in (0, 1) if (family := _family(found, lines, axis)) is not None]
+    if len(families) < 2:
         return None
     planes = np.stack([_pencil(family)[1] for family in families])
     planes = planes * np.where(planes[:, 2:] < 0, -1.0, 1.0)
@@ -176,12 +176,13 @@ def _crossings(found: Fit, curve: Curve, normals) -> tuple[np.ndarray, np.ndarra
 def _middles(found: Fit, curve: Curve, sides: Sides, blur: float, plane) -> Float[np.ndarray, "count 2"]:
     """The image of the middle between both edges on the paper; of the edges' images, where the `plane` is unknown: a
     wide line's image is wider on its nearer side. Blur, and the mean along the tangent, move a bent line towards its
-    centre of curvature by half their variance times its curvature."""
+    centre of curvature by half their variance times its curvature; blur moves it from bright to dark besides, by its
+    variance times the slope of the brightness' logarithm."""
     good = sides.good
     if not good.any():
         return np.zeros((0, 2))
     seen = curve.at(good)
-    pulled = 0.5 * (blur**2 + float(np.mean(np.square(SIDES)))) * seen.bend
+    pulled = 0.5 * (blur**2 + float(np.mean(np.square(SIDES)))) * seen.bend - blur**2 * sides.fall[good]
     edges = [seen.pixel + (offset[good] - pulled)[:, None] * seen.normal for offset in (sides.left, sides.right)]
     if plane is None:
         return 0.5 * (edges[0] + edges[1])

@@ -1,5 +1,6 @@
 """Sub-pixel edges near the rings that a fitted lens and pose predict."""
 
+from math import erf
 from typing import NamedTuple
 
 import cv2
@@ -17,19 +18,24 @@ from jaxsfs.calibration._plane import PlanePose
 _SAMPLES = 61  # of a profile across an edge
 _SIDES = np.linspace(-1, 1, 13)  # of the way along an edge over which a profile is averaged
 _ALONG = 6.0  # px, at most
+_STANDS_OUT = 8.0  # times the paper's scatter
+_LEAST_CONTRAST = 0.01  # of the brightest paper: less drowns in 8 bits
+_LEAST_DEPTH = 0.08  # of the paper: shallower dips are noise
+_BESIDE = 9  # rays
 _RAYS = 64  # fixed, so that one compiled program serves
 _GRID = 256  # radii of the polar grid on which R(u, v) is inverted
 
 
 class Edges(NamedTuple):
     """Edge points of one photograph: `pixel`, index `ring` of the printed radius, `polarity` (see Observations),
-    and `expected`, how many were looked for inside the usable field."""
+    `expected`, how many ought to be seen, and `searched`, how many were looked for inside the usable field."""
 
     pixel: Float[np.ndarray, "count 2"]
     ring: Int[np.ndarray, " count"]
     polarity: Float[np.ndarray, " count"]
     expected: int
     bend: Float[np.ndarray, " count"]
+    searched: int
 
 
 def search_edges(
@@ -46,18 +52,33 @@ def search_edges(
     base = np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=-1)
     profile, ok, step = _profiles(photo, base, normal, reach, curvature)
     visible = ok & np.isfinite(radius)
+    width_px = abs(float(parameters[LENS_SIZE])) * _px_per_mm(radius, radii)
     if style == "bands":
         offset, polarity, good = _single_edges(profile)
     else:
         offset, polarity, good = _line_edges(profile if style == "dark" else -profile)
         polarity = polarity if style == "dark" else -polarity
     good = good & visible[..., None]
-    # blur moves a curved edge towards its centre of curvature by σ²/(2·radius), whatever its profile
-    bend = blur_sd(profile, offset, step, good) ** 2 / (2 * radius)
+    clear = (
+        np.ones_like(visible) if style == "bands" else _clear(profile, width_px, blur_sd(profile, offset, step, good))
+    )
+    expected = visible & (clear | good.any(-1))
+    # blur moves an edge by −σ²/(2·radius), towards its centre of curvature, and by −σ² ∂ln(brightness)/∂x, from bright
+    # to dark, whatever its profile
+    blur = blur_sd(profile, offset, step, good)
+    fall = 0.0 if style == "bands" else _brightness_slope(profile, step)  # a band's ends are ink and paper
+    bend = blur**2 * (1 / (2 * radius) + fall)
     where = base[..., None, :] + (offset * step[..., None] + bend[..., None])[..., None] * normal[..., None, :]
     ring = np.broadcast_to(np.arange(len(radii))[None, :, None], good.shape)
     bends = np.broadcast_to(bend[..., None], good.shape)
-    return Edges(where[good], ring[good], polarity[good], int(visible.sum()) * good.shape[-1], bends[good])
+    return Edges(
+        where[good],
+        ring[good],
+        polarity[good],
+        int(expected.sum()) * good.shape[-1],
+        bends[good],
+        int(visible.sum()) * good.shape[-1],
+    )
 
 
 def _predicted(photo, name, parameters, pose, radii):
@@ -87,6 +108,27 @@ def _predicted(photo, name, parameters, pose, radii):
     ny = radius * np.sin(angle) - slope * np.cos(angle)
     length = np.hypot(nx, ny)
     return centre, radius, np.stack([nx, ny], axis=-1) / length[..., None], _curvature(radius, slope), reach
+
+
+def _px_per_mm(radius: Float[np.ndarray, "rays rings"], radii: Float[np.ndarray, " rings"]) -> np.ndarray:
+    """∂r/∂R of the predicted rings, from the nearest rings that the picture shows."""
+    ahead = np.diff(radius, axis=1) / np.diff(radii)
+    inner, outer = np.pad(ahead, ((0, 0), (1, 0)), "edge"), np.pad(ahead, ((0, 0), (0, 1)), "edge")
+    return np.where(np.isfinite(outer), np.fmin(inner, outer), inner)
+
+
+def _clear(profile: np.ndarray, width_px: np.ndarray, blur: float) -> np.ndarray:
+    """Where a printed line would stand out: ink on paper of this brightness, thinned by blur, against the scatter of
+    the paper at the profile's ends. The dark rim and foreshortened rings show nothing, and are not missed."""
+    ends = _SAMPLES // 7
+    sides = np.concatenate([profile[..., :ends], profile[..., -ends:]], axis=-1)
+    scatter = np.sqrt(0.5 * (profile[..., :ends].var(-1) + profile[..., -ends:].var(-1)))
+    share = np.vectorize(erf)(np.nan_to_num(width_px) / (2 * np.sqrt(2) * max(blur, 0.5)))
+    level = np.abs(sides).mean(-1)
+    contrast = 0.9 * share * level
+    return (contrast > _STANDS_OUT * scatter) & (
+        contrast > _LEAST_CONTRAST * max(float(np.percentile(level, 90)), 1e-3)
+    )
 
 
 def _curvature(radius: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -134,12 +176,24 @@ def blur_sd(profile, offset, step, good) -> float:
     steepest slope is contrast/(√(2π)·sd). The median over the good edges; 0 without any."""
     if not good.any():
         return 0.0
-    slope = np.abs(np.gradient(ndimage.gaussian_filter1d(profile, 1.0, axis=-1), axis=-1))
+    smooth, ends = ndimage.gaussian_filter1d(profile, 1.0, axis=-1), _SAMPLES // 7
+    slope = np.abs(np.gradient(smooth, axis=-1))
     at = np.clip(np.round((offset + 1) / 2 * (_SAMPLES - 1)), 0, _SAMPLES - 1).astype(int)
     steepest = np.take_along_axis(slope, at, -1) * (_SAMPLES - 1) / (2 * step[..., None])
-    contrast = profile.max(-1) - profile.min(-1)
-    sd = contrast[..., None] / (np.sqrt(2 * np.pi) * np.maximum(steepest, 1e-6))
-    return float(np.clip(np.median(sd[good]), 0.3, 6.0))
+    contrast = (smooth.max(-1) - smooth.min(-1))[..., None]
+    if offset.shape[-1] == 2:  # each edge of a line has its own side's paper
+        sides = np.stack([profile[..., :ends].mean(-1), profile[..., -ends:].mean(-1)], axis=-1)
+        contrast = np.maximum(sides - smooth.min(-1)[..., None], smooth.max(-1)[..., None] - sides)
+    square = (contrast / (np.sqrt(2 * np.pi) * np.maximum(steepest, 1e-6))) ** 2
+    square = square - (2 * step[..., None] / (_SAMPLES - 1)) ** 2  # of the smoothing
+    return float(np.sqrt(np.clip(np.median(square[good]), 0.1, 36.0)))
+
+
+def _brightness_slope(profile: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """∂ ln(paper's brightness)/∂x in 1/px across the edges, from the profiles' ends."""
+    ends = _SAMPLES // 7
+    left, right = (np.maximum(profile[..., part].mean(-1), 1e-3) for part in (slice(ends), slice(-ends, None)))
+    return np.clip(np.log(right / left) / (2 * step * (1 - ends / _SAMPLES)), -0.3, 0.3)
 
 
 def _profiles(photo: Photograph, base, normal, reach, curvature):
@@ -185,9 +239,18 @@ def _line_edges(profile: np.ndarray):
     inner, found_in = _crossing(smooth - 0.5 * peak, middle, -1)
     outer, found_out = _crossing(smooth - 0.5 * peak, middle, 1)
     peak = peak[..., 0]
-    typical = np.median(peak[peak > np.percentile(peak, 60)])
+    # lines fade towards a blurred rim: typical is what lies beside on the same ring
+    typical = ndimage.median_filter(peak, (_BESIDE, 1), mode="wrap")
+    scatter = np.sqrt(0.5 * (depth[..., :ends].var(-1) + depth[..., -ends:].var(-1)))
     clean = np.abs(depth[..., :ends]).max(-1) + np.abs(depth[..., -ends:]).max(-1) < 0.9 * peak
-    good = found_in & found_out & (peak > 0.35 * typical) & clean
+    good = (
+        found_in
+        & found_out
+        & (peak > 0.5 * typical)
+        & (peak > (_LEAST_DEPTH if offset == 0 else 0.02))
+        & (peak > 5 * scatter)
+        & clean
+    )
     offsets = np.stack([inner, outer], axis=-1)
     polarity = np.broadcast_to(np.array([-1.0, 1.0]), offsets.shape)
     return offsets, polarity, np.repeat(good[..., None], 2, axis=-1)

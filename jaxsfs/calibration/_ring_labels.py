@@ -27,12 +27,14 @@ class RingGuess(NamedTuple):
 
 class Labelling(NamedTuple):
     """`labels[i]`: index of the printed radius of ring i, −1 for none; f in px and h in mm of the closed form;
-    `score`: matched rings minus missed and unexplained ones."""
+    `score`: matched rings minus missed and unexplained ones; `explained`: share of the nearly whole rings that have a
+    label."""
 
     labels: Int[np.ndarray, " rings"]
     f: float
     h: float
     score: float
+    explained: float
 
 
 def rings_of(chains: list[Chain], style: str) -> list[RingGuess]:
@@ -89,7 +91,7 @@ def labellings(rings: list[RingGuess], radii: Float[np.ndarray, " count"], most:
         full = -np.ones(len(rings), int)
         full[whole] = labels
         f = float(1 / np.sqrt(max(level, (1.3 * seen.max()) ** -2 if level <= 0 else level)))
-        option = Labelling(full, f, f * float(np.sqrt(slope)), score)
+        option = Labelling(full, f, f * float(np.sqrt(slope)), score, float(np.mean(labels >= 0)))
         if tuple(full) not in found or found[tuple(full)].score < score:
             found[tuple(full)] = option
     return sorted(found.values(), key=lambda option: -option.score)[:most]

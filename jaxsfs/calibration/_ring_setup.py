@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxsfs.calibration._fit import Setup
 from jaxsfs.calibration._lens import LENS_SIZE, SHAPE
@@ -14,6 +14,7 @@ CENTRE_SD = 0.04  # of the image width: prior on the principal point about the f
 TILT_SD = 0.5  # rad
 SHAPE_SD = 0.15
 _LOOSE = 1e6
+_UNSURE = 0.35  # of what blur moves an edge: its sd, that all edges share
 _LEAST_HARMONIC = 40  # edges of a ring that fix five harmonics of its line's width
 _LEAST_SCATTER = 12  # edges of a ring from which its scatter is known
 _LEAST_SD = 0.015  # px: what edges share does not average away
@@ -56,7 +57,7 @@ def ring_setup(edges: list[Edges], priors: RingPriors, size: tuple[int, int], ce
         sd[at : at + 2] = TILT_SD
         if priors.height is not None:
             prior[at + 5], sd[at + 5] = np.log(priors.height), priors.height_tolerance
-    systematic = 0.5 * np.concatenate([e.bend for e in edges])[:, None]
+    systematic = _UNSURE * np.concatenate([e.bend for e in edges])[:, None]
     return Setup("rings", observations, size, views, 1, free, prior, sd, systematic, priors.aspect)
 
 
@@ -87,13 +88,20 @@ def with_shifts(setup: Setup, residual: Float[np.ndarray, "count 1"], weight: Fl
     terms = _harmonics(setup) if two_sided else np.ones((len(key), 1))
     shift = np.array(o.shift)
     for k in np.unique(key):
-        rows = (key == k) & (weight > 0)
+        rows = (key == k) & ((weight > 0) | _as_wide(residual[:, 0] * o.polarity, key == k) & two_sided)
         count = terms.shape[1] if rows.sum() > _LEAST_HARMONIC else 1
         if rows.sum() >= 8:
             shift[key == k] += terms[key == k, :count] @ _widening(
                 terms[rows, :count], o.polarity[rows], residual[rows]
             )
     return dataclasses.replace(setup, observations=dataclasses.replace(o, shift=shift))
+
+
+def _as_wide(widening: Float[np.ndarray, " n"], ring: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Edges moved outwards about as far as most of their ring's: thin lines look so wide that all their edges are
+    culled at first."""
+    gap = np.abs(widening - np.median(widening[ring]))
+    return ring & (gap < max(3.5 * 1.4826 * float(np.median(gap[ring])), 0.2))
 
 
 def _widening(terms: Float[np.ndarray, "n k"], polarity: Float[np.ndarray, " n"], residual) -> Float[np.ndarray, " k"]:

@@ -35,6 +35,11 @@ class RingView:
     def fraction(self) -> float:
         return self.matched / max(self.expected, 1)
 
+    @property
+    def searched_fraction(self) -> float:
+        """Share of all edges looked for, those that would not stand out included."""
+        return self.matched / max(self.edges.searched, 1)
+
 
 def view_rings(photo: Photograph, priors: RingPriors) -> RingView:
     """Finds the rings of one photograph.
@@ -55,7 +60,7 @@ def view_rings(photo: Photograph, priors: RingPriors) -> RingView:
         view = _searched(photo, priors, style, labelling, first)
         if view is not None and (best is None or _merit(view) > _merit(best)):
             best = view
-        if best is not None and best.fraction > 0.9 and best.first.rms < 0.4:
+        if best is not None and best.searched_fraction > 0.9 and best.first.rms < 0.4:
             break
     if best is None:
         raise ValueError(
@@ -66,7 +71,10 @@ def view_rings(photo: Photograph, priors: RingPriors) -> RingView:
 
 
 def _merit(view: RingView) -> float:
-    return view.fraction - 0.15 * np.log(max(view.first.rms, 0.05))
+    # of all that was searched: wrong labels put rings where none would be seen, and must not be excused; and much seen
+    # is better than little
+    fit = 0.15 * np.log(max(view.first.rms, 0.05))
+    return view.searched_fraction + 0.5 * np.log(max(view.matched, 1)) - fit
 
 
 def _candidates(chains: list[Chain], centre, photo: Photograph, priors: RingPriors):
@@ -105,7 +113,7 @@ def _first_fit(rings, labelling: Labelling, centre, photo: Photograph, priors: R
     points = np.concatenate(pixel)
     stride = max(1, int(np.ceil(len(points) / EDGE_BUDGET)))
     points, labels, sides = points[::stride], np.concatenate(ring)[::stride], np.concatenate(polarity)[::stride]
-    edges = Edges(points, labels, sides, 0, np.zeros(len(points)))
+    edges = Edges(points, labels, sides, 0, np.zeros(len(points)), 0)
     setup = ring_setup([edges], priors, photo.size, centre_free=False)
     start = _start(labelling, centre, priors, edges)
     sign = {"dark": 1.0, "bright": -1.0, "bands": 0.0}[style]

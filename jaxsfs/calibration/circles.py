@@ -20,6 +20,7 @@ from jaxsfs.calibration._ring_view import RingView, view_rings
 from jaxsfs.photometry import AbstractResponse
 
 LEAST_MATCHED = 0.5
+LEAST_EXPLAINED = 0.65  # of the rings seen: two rings and a centre dot make 0.67
 _INDEPENDENT = 0.25  # share of a ring's edges that count as independent
 
 
@@ -72,7 +73,7 @@ def _all_views(photos: list[Photograph], priors: RingPriors) -> tuple[dict[int, 
         except ValueError as error:
             rejected.append((index, str(error)))
             continue
-        if view.fraction < LEAST_MATCHED:
+        if view.fraction < LEAST_MATCHED or view.labelling.explained < LEAST_EXPLAINED:
             rejected.append((index, _too_few(view, priors)))
         else:
             views[index] = view
@@ -84,6 +85,11 @@ def _all_views(photos: list[Photograph], priors: RingPriors) -> tuple[dict[int, 
 
 def _too_few(view: RingView, priors: RingPriors) -> str:
     radii = " ".join(f"{radius:g}" for radius in priors.radii)
+    if view.labelling.explained < LEAST_EXPLAINED:
+        return (
+            f"{1 - view.labelling.explained:.0%} of the rings seen are none of the radii {radii} mm: are these "
+            "the radii of this sheet, counted from the centre, and all of them?"
+        )
     return (
         f"only {view.matched} of {view.expected} expected ring edges were found ({view.fraction:.0%}, at least "
         f"{LEAST_MATCHED:.0%} are needed): are the radii {radii} mm those of this sheet, counted from the centre? "

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Shaped
 
+from jaxsfs.calibration._blobs import blobs_and_areas
 from jaxsfs.calibration._board import Board, find_checkerboard, find_dots
 from jaxsfs.calibration._compare import compare, preferred, score_named
-from jaxsfs.calibration._field import photograph_from
+from jaxsfs.calibration._dot_bias import dot_bias, dot_radius
+from jaxsfs.calibration._field import Photograph, photograph_from
 from jaxsfs.calibration._fit import Fit, Setup, fit, lens_rays
 from jaxsfs.calibration._guards import check_count, check_same_size, warnings_of
 from jaxsfs.calibration._lens import LENS_SIZE, SHAPE, lens_named, start_lens
@@ -81,7 +83,36 @@ def calibrate_dots(
     why = f"no grid of {columns} x {rows} dots found (70 % of them must show, off the picture's border)"
     centre = photos[0].field_centre()
     wide = [board and Board(board.pixel, board.place * np.array([stretch, 1.0])) for board in found]
-    return _from_boards("dots", wide, why, columns * rows, pitch, photos[0].size, centre, model, aspect, two_scales)
+    more = (why, columns * rows, pitch, photos[0].size, centre, model, aspect, two_scales)
+    first = _from_boards("dots", wide, *more)
+    radius = _radius(first, photos)
+    if not radius > 0:
+        return first
+    # the middles of the dots' images are moved to the images of their middles, once
+    bias = {view.photograph: row for row, view in enumerate(first.views)}
+    moved = [
+        Board(board.pixel - dot_bias(first.fit, bias[i], board.pixel, radius), board.place)
+        if board is not None and i in bias
+        else board
+        for i, board in enumerate(wide)
+    ]
+    found = _from_boards("dots", moved, *more)
+    return dataclasses.replace(found, extras=found.extras | {"dot_radius_mm": radius})
+
+
+def _radius(found: Calibration, photos: Sequence[Photograph]) -> float:
+    """Radius of the printed dots in mm by the areas of those that the fit uses; 0 where none were measured."""
+    radii = []
+    for row, view in enumerate(found.views):
+        centres, area = blobs_and_areas(photos[view.photograph])
+        used = found.fit.setup.observations.pixel[(found.fit.setup.observations.group == row) & (found.fit.weight > 0)]
+        if not len(centres):
+            continue
+        gap = np.hypot(*(used[:, None] - centres[None]).transpose(2, 0, 1))
+        near = gap.min(axis=1) < 1.0
+        if near.any():
+            radii.append(dot_radius(found.fit, row, used[near], area[gap.argmin(axis=1)[near]]))
+    return float(np.median(radii)) if radii else 0.0
 
 
 def calibrate_points(
