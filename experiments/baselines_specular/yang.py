@@ -17,6 +17,8 @@ def body_image(linear: np.ndarray, valid: np.ndarray, rounds: int = 30) -> np.nd
     largest, smallest = chromaticity.max(-1), chromaticity.min(-1)
     guide = (largest - smallest) / np.maximum(1 - 3 * smallest, 1e-3)
     coloured = usable & (largest - smallest > 0.02)
+    if not coloured.any():
+        return linear  # grey: nothing to go by
     current = np.where(coloured, largest, 0)
     for _ in range(rounds):
         filtered = _bilateral(current, guide, coloured, 0.06 * min(valid.shape))

@@ -24,6 +24,8 @@ _COLOUR_ERROR = 0.12  # share of the interface part that an interface colour, no
 _BLOOM = 0.1  # relative error of the body beside an unmeasured pixel, falling by e per px
 _ROUGHNESS = 0.004  # |Δ ln E| per px² of smooth tissue
 _MISFIT = 1.5  # mean squared residual in σ from which a picture's own edges are followed
+_DETAIL = 3.0  # px, σ of the blur that detail differs from
+_SUSPICION = 1.5  # times the variance that detail must exceed
 _DARKEST_BODY = 0.33  # share of the luminance below which the body is what errors of k_s and of the response make
 _FEWEST = 6  # pixels of a highlight that tell its own colour
 _MOST_LEFT = 0.5  # of the excess that a highlight's own colour can leave in the body
@@ -59,6 +61,7 @@ def remove_by_colour(
     if fill:
         weight = np.where(hole, 0.0, weight)
     fitted = _fit(fit, measured, weight, hole)
+    fitted = _with_detail(fitted, measured, parts, body, data, hole & (weight > 0))
     level = np.exp(fitted).astype(np.float32)
     # a highlight adds light: where there is a luminance, the body is at most that
     level = np.where(data, np.minimum(level, luminance), level)
@@ -130,6 +133,26 @@ def _fit(fit: Fit, measured: Grey, weight: Grey, hole: Mask) -> Grey:
         return fitted
     heavier = weight * np.where(insists, np.minimum(misfit / _MISFIT, 10) ** 2, 1)
     return fit_smooth(fit, measured, heavier, hole, fitted)
+
+
+def _with_detail(fitted: Grey, measured: Grey, parts: Split, body: Grey, data: Mask, known: Mask) -> Grey:
+    """The fit with the detail of the measured ln E that is more than its noise and than what the highlight leaves.
+
+    Wiener's gain 1 − σ²/d² with the local mean of d². An error of k_s is a multiple of the excess, and its detail one of
+    the excess's: a texture shows on a smooth highlight, and not at its rim.
+    """
+    level = np.maximum(body, 1e-5)
+    noise = noise_by_level(parts.body, np.maximum(parts.luminance, 1e-5), data) / level
+    detail = _detail(measured - fitted, known)
+    rim = _COLOUR_ERROR * np.abs(_detail(np.where(known, parts.excess / level, 0).astype(np.float64), known))
+    error = np.where(known, noise.astype(np.float64) ** 2 + rim**2, 0).astype(np.float32)
+    energy = blur_among((detail**2).astype(np.float32), known, _DETAIL)
+    gain = 1 - _SUSPICION * blur_among(error, known, _DETAIL) / np.maximum(energy, 1e-12)
+    return fitted + np.where(known, np.clip(gain, 0, 1) * detail, 0)
+
+
+def _detail(values: Grey, known: Mask) -> Grey:
+    return np.where(known, values - blur_among(values.astype(np.float32), known, _DETAIL), 0.0)
 
 
 def _local_colour(linear: Colours, luminance: Grey, keep: Mask) -> Colours:
