@@ -127,6 +127,7 @@ def test_a_wall_at_the_guide_is_out_of_reach_and_said_to_be():
     assert done.status is RefinementStatus.NOT_SETTLED
 
 
+@pytest.mark.slow
 def test_cells_see_the_model_of_the_renderer():
     """ln E between the pixels is that of the exact surface, to second order, and its derivatives are the true ones."""
     errors = []
