@@ -138,8 +138,8 @@ def _fit(fit: Fit, measured: Grey, weight: Grey, hole: Mask) -> Grey:
 def _with_detail(fitted: Grey, measured: Grey, parts: Split, body: Grey, data: Mask, known: Mask) -> Grey:
     """The fit with the detail of the measured ln E that is more than its noise and than what the highlight leaves.
 
-    Wiener's gain 1 − σ²/d² with the local mean of d². An error of k_s is a multiple of the excess, and its detail one of
-    the excess's: a texture shows on a smooth highlight, and not at its rim.
+    Wiener's gain 1 − σ²/d² with the local mean of d². An error of k_s leaves a multiple of the excess, and its detail a
+    multiple of the excess's: a texture shows on a smooth highlight, and not at its rim.
     """
     level = np.maximum(body, 1e-5)
     noise = noise_by_level(parts.body, np.maximum(parts.luminance, 1e-5), data) / level
