@@ -160,7 +160,7 @@ def white(rng: np.random.Generator, views: int) -> Draw:
         return draw
     seen = np.asarray(cosine) > np.cos(np.radians(found.alpha_deg[-1]))
     square = gain / height**2 * cosine**3
-    stored = parse_response(found.response).encode(found.gain_albedo / height**2 * cosine**3 * fitted)
+    stored = parse_response(found.response).encode((found.gain_albedo or np.nan) / height**2 * cosine**3 * fitted)
     return draw | {"product_error": float(np.max(np.abs(stored / look.response.encode(square * truth) - 1)[seen]))}
 
 

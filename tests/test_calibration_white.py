@@ -22,6 +22,7 @@ from jaxsfs.photometry import (
     parse_response,
 )
 from jaxsfs.reconstruction import reconstruct
+from jaxsfs.report import white_summary
 
 CAMERA = Spherical(270.0, 327.0, 236.0, 640, 480)
 RINGS = Rings((5.0, 10.0, 15.0, 20.0, 25.0, 30.0), 0.8, 1.0)
@@ -62,6 +63,17 @@ def test_a_second_exposure_separates_them():
     check_separated(calibrate_white(images, CAMERA, [SQUARE, SQUARE], exposures=(1.0, 0.4)))
 
 
+def test_automatic_exposure_is_noticed_and_leaves_the_gain_unknown():
+    found = calibrate_white(shots(GAMMA, SQUARE, LEANING, gains=(GAIN, 1.3 * GAIN)), CAMERA, [SQUARE, LEANING])
+    assert found.rms < 0.004  # one gain for both: 0.02
+    assert np.allclose(curve(found.falloff), COSINES**1.2, rtol=0.03)
+    assert found.gamma == pytest.approx(2.2, rel=0.03)
+    assert found.gain_albedo is None
+    assert set(found.photometry()) == {"response", "falloff", "channel"}
+    assert "not exposed alike (their gains differ by up to 30%)" in found.note
+    assert "gain·ρ: not known" in white_summary(found)
+
+
 def test_the_srgb_curve_is_told_from_a_power_law():
     found = calibrate_white(shots(SRGB, SQUARE, LEANING), CAMERA, [SQUARE, LEANING])
     assert found.response == "srgb"
@@ -79,6 +91,7 @@ def test_one_square_photograph_fixes_the_product_and_says_so():
     assert "tilted by 10°" in found.note
     assert found.product == pytest.approx(4.2 / 2.2, rel=0.01)
     # what is fixed is how stored values fall: the found pair must predict them
+    assert found.gain_albedo is not None
     light = GAIN / 24.0**2 * COSINES**3
     truth = (light * COSINES**1.2) ** (1 / 2.2)
     seen = found.gain_albedo / 24.0**2 * COSINES**3 * curve(found.falloff)

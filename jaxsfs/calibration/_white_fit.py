@@ -8,7 +8,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.optimize import least_squares
 
 from jaxsfs.photometry import (
@@ -20,6 +20,8 @@ from jaxsfs.photometry import (
     SRGBResponse,
 )
 
+DECISIVE = 10.0  # difference of BIC
+_UNLIKE = 0.03  # of gain: less is drift of the light, or of the given heights
 SEPARABLE = 0.02  # relative sd of γ above which response and fall-off are not told apart
 _INDEPENDENT = 0.1  # share of the cells that count: neighbours share errors of shading, paper and lens
 _LEAST_NOISE = 0.001  # in stored values: paper is not quite even
@@ -31,12 +33,31 @@ _FALLOFFS = {"cos": CosineFalloff, "exp": ExponentialFalloff}
 @dataclasses.dataclass(frozen=True)
 class Cells:
     """Bare paper: `stored` values per channel, `geometry` = ln(exposure·(n·d)³/h²), `cosine` of α; the channels'
-    `weights` in linear light (sum 1)."""
+    `weights` in linear light (sum 1); index of the `photograph`; `own_gain`: whether each photograph has its own."""
 
     stored: Float[np.ndarray, "cells channels"]
     geometry: Float[np.ndarray, " cells"]
     cosine: Float[np.ndarray, " cells"]
     weights: Float[np.ndarray, " channels"]
+    photograph: Int[np.ndarray, " cells"]
+    own_gain: bool = False
+
+    @property
+    def photographs(self) -> int:
+        return int(self.photograph.max()) + 1
+
+    def lifted(self, gains: Float[np.ndarray, " n"]) -> Float[np.ndarray, " cells"]:
+        """`geometry` with ln of the gains of all photographs but the first, relative to the first's, added."""
+        return self.geometry + np.concatenate([[0.0], gains])[self.photograph] if len(gains) else self.geometry
+
+    def at(self, rows: Bool[np.ndarray, " cells"]) -> "Cells":
+        return dataclasses.replace(
+            self,
+            stored=self.stored[rows],
+            geometry=self.geometry[rows],
+            cosine=self.cosine[rows],
+            photograph=self.photograph[rows],
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +85,9 @@ class Model:
     def misfit(self, parameters: Float[np.ndarray, " n"], cells: Cells) -> Float[np.ndarray, " cells"]:
         """Seen minus predicted stored value of the channel."""
         curve = self.curve(parameters)
-        predicted = curve.encode(jnp.asarray(self.light(parameters, cells.geometry, cells.cosine)))
+        predicted = curve.encode(
+            jnp.asarray(self.light(parameters, cells.lifted(parameters[self.free :]), cells.cosine))
+        )
         if cells.stored.shape[1] == 1:
             return cells.stored[:, 0] - np.asarray(predicted)
         mixed = jnp.asarray(np.asarray(curve.decode(jnp.asarray(cells.stored))) @ cells.weights)
@@ -73,7 +96,8 @@ class Model:
 
 @dataclasses.dataclass(frozen=True)
 class WhiteFit:
-    """A model fitted to the cells: `parameters` (ln gain, μ, ln γ), `covariance`, `rms` in stored values, `bic`."""
+    """A model fitted to the cells: `parameters` (ln gain, μ, ln γ, ln of the other photographs' gains over the first's
+    where each has its own), `covariance`, `rms` in stored values, `bic`."""
 
     model: Model
     parameters: Float[np.ndarray, " n"]
@@ -84,6 +108,11 @@ class WhiteFit:
     @property
     def gain(self) -> float:
         return float(np.exp(self.parameters[0]))
+
+    @property
+    def gains(self) -> Float[np.ndarray, " n"]:
+        """ln of the gains of all photographs but the first over the first's; empty where all share one."""
+        return self.parameters[self.model.free :]
 
     @property
     def mu(self) -> float:
@@ -110,7 +139,8 @@ class WhiteFit:
         return (3 + self.mu) / self.gamma
 
     def product_sd(self) -> float:
-        slope = np.array([0.0, 1.0, -(3 + self.mu)])[: len(self.parameters)] / self.gamma
+        slope = np.zeros(len(self.parameters))
+        slope[: self.model.free] = np.array([0.0, 1.0, -(3 + self.mu)])[: self.model.free] / self.gamma
         return float(np.sqrt(slope @ self.covariance @ slope))
 
     def predicted(self, geometry, cosine) -> np.ndarray:
@@ -139,10 +169,10 @@ class Comparison:
         return self.how == "separated"
 
 
-def compare_models(cells: Cells, gamma: float | None, held: str) -> Comparison:
-    """All candidates on the same inliers. `gamma` given holds the power law; `held` is the response to fall back on."""
-    kept = _inliers(cells)
-    cells = Cells(cells.stored[kept], cells.geometry[kept], cells.cosine[kept], cells.weights)
+def compare_models(cells: Cells, gamma: float | None, held: str, one_gain: bool = True) -> Comparison:
+    """All candidates on the same inliers. `gamma` given holds the power law; `held` is the response to fall back on.
+    Unless `one_gain`, photographs that decisively were not exposed alike get a gain each."""
+    cells = cells.at(_inliers(cells)) if one_gain else _with_gains(cells, gamma)
     laws = {name: fit_model(Model("gamma", name, gamma), cells) for name in _FALLOFFS}
     if gamma is not None:
         ranked = _ranked(list(laws.values()))
@@ -160,6 +190,23 @@ def compare_models(cells: Cells, gamma: float | None, held: str) -> Comparison:
     return Comparison(ranked[0], plain[0], ranked, "held", gamma_sd)
 
 
+def _with_gains(cells: Cells, gamma: float | None) -> Cells:
+    """The inliers, with a gain for each photograph where that is decisively better (BIC) and differs visibly."""
+    if cells.photographs < 2:
+        return cells.at(_inliers(cells))
+    own = dataclasses.replace(cells, own_gain=True)
+    own = own.at(_inliers(own))
+    if len(np.unique(own.photograph)) < own.photographs:
+        return cells.at(_inliers(cells))
+    alike = dataclasses.replace(own, own_gain=False)
+    best, plain = (
+        min((fit_model(Model("gamma", name, gamma), one) for name in _FALLOFFS), key=lambda one: one.bic)
+        for one in (own, alike)
+    )
+    apart = float(np.max(np.abs(best.gains)))
+    return own if best.bic < plain.bic - DECISIVE and apart > _UNLIKE else cells.at(_inliers(cells))
+
+
 def _ranked(fits: list[WhiteFit]) -> list[WhiteFit]:
     return sorted(fits, key=lambda one: one.bic)
 
@@ -172,8 +219,9 @@ def _gamma_sd(cells: Cells, law: WhiteFit) -> float:
     A family of fall-offs with one parameter would separate a square view, by its mere form.
     """
     fall = 1 - cells.cosine
-    design = np.stack([cells.geometry, np.log(cells.cosine), fall, fall**2, np.ones_like(fall)], axis=1)
-    stored = law.predicted(cells.geometry, cells.cosine)
+    constants = np.eye(cells.photographs)[cells.photograph] if cells.own_gain else np.ones((len(fall), 1))
+    design = np.column_stack([cells.geometry, np.log(cells.cosine), fall, fall**2, constants])
+    stored = law.predicted(cells.lifted(law.gains), cells.cosine)
     rows = design * stored[:, None]  # noise is even in stored values
     noise = max(law.rms, _LEAST_NOISE) / np.sqrt(_INDEPENDENT)
     return law.gamma * noise * float(np.sqrt(_inverse(rows.T @ rows)[0, 0]))
@@ -183,8 +231,13 @@ def fit_model(model: Model, cells: Cells, loss: str = "linear") -> WhiteFit:
     """Least squares in stored values, from the power law of sRGB and no fall-off."""
     start = np.array([0.0, 0.5, np.log(_LIKE_SRGB)])[: model.free]
     light = np.asarray(model.curve(start).decode(jnp.asarray(cells.stored))) @ cells.weights
-    start[0] = float(np.median(np.log(np.maximum(light, 1e-6)) - cells.geometry))
+    gain = np.log(np.maximum(light, 1e-6)) - cells.geometry
+    start[0] = float(np.median(gain))
     low = np.array([-np.inf, -20.0, np.log(0.2)])[: model.free]
+    if cells.own_gain:
+        each = np.array([np.median(gain[cells.photograph == i]) for i in range(cells.photographs)])
+        start = np.concatenate([[each[0]], start[1:], each[1:] - each[0]])
+        low = np.concatenate([low, np.full(len(each) - 1, -np.inf)])
     found = least_squares(
         model.misfit, start, args=(cells,), bounds=(low, -low), loss=loss, f_scale=0.01, x_scale="jac"
     )
@@ -192,7 +245,7 @@ def fit_model(model: Model, cells: Cells, loss: str = "linear") -> WhiteFit:
     mean_square = float(np.mean(misfit**2))
     count = _INDEPENDENT * len(misfit)
     covariance = mean_square / _INDEPENDENT * _inverse(found.jac.T @ found.jac)
-    bic = count * np.log(mean_square) + model.free * np.log(count)
+    bic = count * np.log(mean_square) + len(found.x) * np.log(count)
     return WhiteFit(model, found.x, covariance, float(np.sqrt(mean_square)), float(bic))
 
 

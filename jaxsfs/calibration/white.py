@@ -24,6 +24,10 @@ from jaxsfs.camera import AbstractCentralCamera
 from jaxsfs.photo import automatic_response, parse_channel
 from jaxsfs.photometry import parse_response
 
+_UNLIKE = (
+    " These photographs were not exposed alike (their gains differ by up to {apart:.0%}): each has its own gain, and "
+    "gain·ρ, which gives ranges in mm, is not known: lock the exposure, or state the exposures."
+)
 _NOTES = {
     "given": "The response was given; the fall-off follows from it.",
     "separated": "The photographs differ enough to tell the response from the fall-off.",
@@ -40,7 +44,8 @@ class WhiteCalibration:
     """Response, fall-off and gain·ρ of a camera with its light.
 
     `response` and `falloff` as the camera file writes them. `gamma` of the best pure power law with its 1σ, None
-    where it was given or held. `mu` of the fall-off, 1σ. `gain_albedo` in mm² at relative exposure 1. `product`:
+    where it was given or held. `mu` of the fall-off, 1σ. `gain_albedo` in mm² at relative exposure 1,
+    None where every photograph has its own gain (automatic exposure). `product`:
     (3 + μ)/γ of a power law, which one square view fixes. `separated`: whether response and fall-off were told apart.
     `rms` in stored values (full scale 1). `alpha_deg`, `measured`: the fall-off itself, by the chosen response,
     in bins of 5°. `models`: the pairs tried, best first. `note`: what a user should know.
@@ -52,8 +57,8 @@ class WhiteCalibration:
     gamma_sd: float | None
     mu: float
     mu_sd: float
-    gain_albedo: float
-    gain_albedo_sd: float
+    gain_albedo: float | None
+    gain_albedo_sd: float | None
     product: float
     product_sd: float
     separated: bool
@@ -66,14 +71,9 @@ class WhiteCalibration:
     note: str
 
     def photometry(self) -> dict[str, Any]:
-        """For a camera file's `photometry`: ranges reconstructed with it are millimetres."""
-        return {
-            "response": self.response,
-            "falloff": self.falloff,
-            "gain_albedo": self.gain_albedo,
-            "unit": "mm",
-            "channel": self.channel,
-        }
+        """For a camera file's `photometry`: ranges reconstructed with it are millimetres, if `gain_albedo` is known."""
+        scale = {} if self.gain_albedo is None else {"gain_albedo": self.gain_albedo, "unit": "mm"}
+        return {"response": self.response, "falloff": self.falloff, **scale, "channel": self.channel}
 
     def figures(self) -> dict[str, Any]:
         """All figures, ready for JSON."""
@@ -92,7 +92,8 @@ def calibrate_white(
 
     Minimises the stored values' misfit over cells of bare paper; ink, glare, clipped values and the field's rim are
     left out. Tried: the sRGB curve, linear and stored = light^(1/γ), each with V = cos^μ α and exp(−μ(1 − cos α));
-    the smallest BIC wins. `gamma` holds γ. `exposures`: relative, one per photograph; without them all share one gain.
+    the smallest BIC wins. `gamma` holds γ. `exposures`: relative, one per photograph; without them all share one gain,
+    unless a gain for each photograph is decisively better (automatic exposure): then gain·ρ stays unknown.
     Where response and fall-off are not told apart the response is held: sRGB or γ = 2.2 for 8 bit, linear otherwise.
     Of colour images, all channels share the response, and `channel` (as `parse_channel` reads it) is weighted in
     linear light.
@@ -109,10 +110,11 @@ def calibrate_white(
     ]
     held = automatic_response(str(images[0].dtype))
     # ink is told from paper in the fall of light by a first fit, which sees only what is clearly paper
-    rough = compare_models(_cells(views, weights), gamma, held)
+    one_gain = exposures is not None
+    rough = compare_models(_cells(views, weights), gamma, held, one_gain)
     views = [view.chosen_by(rough.chosen.predicted) for view in views]
     cells = _cells(views, weights)
-    fits = compare_models(cells, gamma, held)
+    fits = compare_models(cells, gamma, held, one_gain)
     best = fits.chosen
     alpha, measured = _measured_falloff(best, cells)
     return WhiteCalibration(
@@ -122,8 +124,8 @@ def calibrate_white(
         gamma_sd=fits.gamma_sd if fits.separated else None,
         mu=best.mu,
         mu_sd=best.sd("mu"),
-        gain_albedo=best.gain,
-        gain_albedo_sd=best.gain * best.sd("ln_gain"),
+        gain_albedo=None if len(best.gains) else best.gain,
+        gain_albedo_sd=None if len(best.gains) else best.gain * best.sd("ln_gain"),
         product=fits.power_law.product(),
         product_sd=fits.power_law.product_sd(),
         separated=fits.separated,
@@ -133,13 +135,22 @@ def calibrate_white(
         alpha_deg=alpha,
         measured=measured,
         models=[one.row() for one in fits.ranked],
-        note=_NOTES[fits.how].format(response=best.response_text),
+        note=_NOTES[fits.how].format(response=best.response_text) + _exposure_note(best),
     )
 
 
+def _exposure_note(fit: WhiteFit) -> str:
+    if not len(fit.gains):
+        return ""
+    every = np.concatenate([[0.0], fit.gains])
+    return _UNLIKE.format(apart=float(np.exp(np.ptp(every))) - 1)
+
+
 def _cells(views: list[PaperView], weights: Float[np.ndarray, "3"]) -> Cells:
-    stored, geometry, cosine = (np.concatenate(part) for part in zip(*(v.cells() for v in views), strict=True))
-    return Cells(stored, geometry, cosine, weights if stored.shape[1] == 3 else np.ones(1))
+    seen = [view.cells() for view in views]
+    stored, geometry, cosine = (np.concatenate(part) for part in zip(*seen, strict=True))
+    photograph = np.repeat(np.arange(len(seen)), [len(one[1]) for one in seen])
+    return Cells(stored, geometry, cosine, weights if stored.shape[1] == 3 else np.ones(1), photograph)
 
 
 def _check(images, poses, gamma, exposures) -> None:
@@ -159,7 +170,7 @@ def _check(images, poses, gamma, exposures) -> None:
 def _measured_falloff(fit: WhiteFit, cells: Cells) -> tuple[list[float], list[float]]:
     """Median over bins of 5° of light/(gain·geometry), V(0) being the fitted model's 1; bins of 10 cells or more."""
     light = np.asarray(parse_response(fit.response_text).decode(jnp.asarray(cells.stored))) @ cells.weights
-    value = light / (fit.gain * np.exp(cells.geometry))
+    value = light / (fit.gain * np.exp(cells.lifted(fit.gains)))
     alpha = np.degrees(np.arccos(np.clip(cells.cosine, -1, 1)))
     bins = [(low, (alpha >= low) & (alpha < low + 5)) for low in np.arange(0, 90, 5)]
     filled = [(float(np.median(alpha[rows])), float(np.median(value[rows]))) for _, rows in bins if rows.sum() >= 10]

@@ -41,10 +41,13 @@ def _rows(found: WhiteCalibration) -> list[tuple[str, str]]:
     rows = [("response", found.response), ("fall-off", f"{found.falloff} ± {found.mu_sd:.2g}")]
     if found.gamma is not None and found.gamma_sd is not None:
         rows.append(("gamma of a pure power law", f"{found.gamma:.4g} ± {found.gamma_sd:.2g}"))
+    gain = "not known"
+    if found.gain_albedo is not None and found.gain_albedo_sd is not None:
+        gain = f"{found.gain_albedo:.5g} ± {found.gain_albedo_sd:.2g} mm² ({found.channel})"
     return [
         *rows,
         ("(3 + μ)/γ", f"{found.product:.4g} ± {found.product_sd:.2g}"),
-        ("gain·ρ", f"{found.gain_albedo:.5g} ± {found.gain_albedo_sd:.2g} mm² ({found.channel})"),
+        ("gain·ρ", gain),
         ("residual", f"{found.rms:.4f} of full scale over {found.cells} cells of paper"),
     ]
 
