@@ -100,7 +100,8 @@ def prepare(
 def _restored(linear, removal: HighlightRemoval | None, clipped, counted, usable, weights, response):
     """Values, pixels that stay unknown, pixels measured in other channels, pixels filled."""
     values = linear if removal is None else removal.values
-    unknown = (counted if removal is None else removal.unknown) & usable
+    # the clipping of a highlight's core says nothing of the body under it
+    unknown = (counted if removal is None else removal.unknown & ~removal.highlights) & usable
     share = np.asarray(weights, np.float32) if linear.ndim == 3 else np.zeros(0, np.float32)
     if unknown.sum() > _MOST_FILLED * usable.sum() or not unknown.any():
         grey = values if values.ndim == 2 else values @ share

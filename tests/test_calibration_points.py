@@ -104,6 +104,7 @@ def test_endocal_published_points(data):
     assert found.fit.rms <= 0.30
 
 
+@pytest.mark.slow
 def test_endocal_frames_are_detected(data):
     frames = sorted((data / "endocal_sample_001").glob("frame_*.jpg"))
     found = calibrate_dots([colour(frame) for frame in frames], 3, 11, 1.0, asymmetric=True)
@@ -119,6 +120,7 @@ def test_mirocam_boards_are_detected_and_the_fit_is_sane(data):
     assert found.fit.rms < 1.0
 
 
+@pytest.mark.slow
 def test_endocal_rays_agree_with_the_published_calibration(data):
     """Two frames of eleven; the published camera is OpenCV's with radial terms. This scope is equisolid."""
     frames = [colour(data / "endocal_circles" / name) for name in ("frame_001.jpg", "frame_003.jpg")]

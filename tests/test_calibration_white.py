@@ -74,6 +74,7 @@ def test_automatic_exposure_is_noticed_and_leaves_the_gain_unknown():
     assert "gain·ρ: not known" in white_summary(found)
 
 
+@pytest.mark.slow
 def test_the_srgb_curve_is_told_from_a_power_law():
     found = calibrate_white(shots(SRGB, SQUARE, LEANING), CAMERA, [SQUARE, LEANING])
     assert found.response == "srgb"
@@ -105,6 +106,7 @@ def test_a_given_gamma_is_held():
     assert np.allclose(curve(found.falloff), COSINES**1.2, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_reconstruction_with_the_photometry_is_in_millimetres():
     images = shots(SRGB, SQUARE, LEANING)
     photometry = calibrate_white(images, CAMERA, [SQUARE, LEANING]).photometry()

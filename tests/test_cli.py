@@ -18,7 +18,7 @@ import tifffile
 from jaxsfs import files
 from jaxsfs.cli import main
 from jaxsfs.cli._main import COMMANDS
-from jaxsfs.cli._pipeline import _as_seen
+from jaxsfs.cli._reconstruct_input import _as_seen
 from jaxsfs.field import find_field
 from jaxsfs.reconstruction import Reconstruction
 

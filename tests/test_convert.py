@@ -79,6 +79,7 @@ def test_opencv_projects_within_the_misfit_told(name):
     assert str(made.misfit) in made.text
 
 
+@pytest.mark.slow
 def test_the_papers_camera_fits_better_than_its_taylor_series():
     """k = (−1/6, 1/120, …) misses sin α by 0.0008 px at f = 260; the fit over the image is far nearer."""
     camera = Spherical(f=260.0, cx=255.5, cy=255.5, width=512, height=512)
@@ -152,6 +153,7 @@ def test_a_kalibr_chain():
     assert found.unused == ("cam1", "cam0.timeshift_cam_imu")
 
 
+@pytest.mark.slow
 def test_a_ros_camera_with_tangential_distortion():
     found = import_camera(ROS)
     assert found.unused == ("rectification_matrix",)
