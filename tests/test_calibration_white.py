@@ -128,6 +128,7 @@ def test_reconstruction_with_the_photometry_is_in_millimetres():
     assert np.allclose(np.asarray(result.surface.range)[v.ravel(), u.ravel()], truth, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_channels_of_colour_share_the_response_and_have_their_own_gain():
     shares = np.array([1.0, 0.8, 0.6])
     images = [

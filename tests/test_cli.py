@@ -383,11 +383,8 @@ class TestHelp:
 
     @pytest.mark.parametrize(
         "name",
-        # the examples of `calibrate white` begin with `calibrate circles`
-        [
-            pytest.param(n, marks=pytest.mark.slow if n.startswith("calibrate") and "white" not in n else ())
-            for n in COMMANDS
-        ],
+        # their commands run in test_cli_calibrate.py too
+        [pytest.param(n, marks=pytest.mark.slow if n.startswith("calibrate") else ()) for n in COMMANDS],
     )
     def test_every_example_runs_as_pasted(self, name, capsys, tmp_path, monkeypatch):
         assert main([*name.split(), "--help"]) == 0
