@@ -3,15 +3,15 @@
 from itertools import pairwise
 
 import cv2
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.figure import Figure
 
 from jaxsfs.calibration import Calibration, observations
+from jaxsfs.calibration._fit import Fit, rays_of
 from jaxsfs.camera import AbstractCentralCamera, perspective_like, rectification_map
 
+_PREVIEW = 480  # px: width of the rectified preview
 _ARROW_PX = 0.04  # of the image width: length of the 95th-percentile residual in the picture
 
 
@@ -89,13 +89,12 @@ def models(found: Calibration) -> Figure:
     """Image radius against angle of the lens models that fit at all, as a difference from the chosen one."""
     seen = observations(found)
     reach = float(np.percentile(seen.alpha_deg[seen.used], 99.5))
-    angle = np.radians(np.linspace(0, reach, 60))
-    points = jnp.asarray(np.stack([np.sin(angle), np.zeros(60), np.cos(angle)], axis=1))
+    angle = np.linspace(0, reach, 60)
     figure = Figure(figsize=(8, 3.4), layout="constrained")
     axes = figure.subplots()
-    own = _radii(found.camera, points)
+    own = _radii(found.fit, angle)
     for score in (score for score in found.comparison if score.rms < 5 * found.fit.rms + 0.5):
-        axes.plot(np.degrees(angle), _radii(score.fit.camera, points) - own, label=f"{score.name} ({score.rms:.3f} px)")
+        axes.plot(angle, _radii(score.fit, angle) - own, label=f"{score.name} ({score.rms:.3f} px)")
     axes.set(xlabel="angle from the axis / degrees", ylabel=f"r − r of {found.fit.name} / px")
     spread = 4 * found.fit.rms + 1.0
     axes.set_ylim(-spread, spread)
@@ -103,9 +102,13 @@ def models(found: Calibration) -> Figure:
     return figure
 
 
-def _radii(camera: AbstractCentralCamera, points) -> np.ndarray:
-    pixel = np.asarray(jax.vmap(camera.project)(points), float)
-    return pixel[:, 0] - pixel[0, 0]
+def _radii(fitted: Fit, angle_deg: Float[np.ndarray, " count"]) -> Float[np.ndarray, " count"]:
+    """Image radius in px at the angles: the profile's inverse, by interpolation of the rays along one image row."""
+    radius = np.linspace(0, 1.1 * np.hypot(*fitted.setup.size), 1000)
+    pixel = fitted.parameters[1:3] + np.stack([radius, np.zeros_like(radius)], axis=1)
+    alpha = np.degrees(np.arccos(np.clip(rays_of(fitted, pixel)[:, 2], -1, 1)))
+    rising = np.concatenate([[True], np.diff(np.maximum.accumulate(alpha)) > 0])
+    return np.interp(angle_deg, alpha[rising], radius[rising])
 
 
 def straightness(found: Calibration) -> Figure:
@@ -128,12 +131,14 @@ def straightness(found: Calibration) -> Figure:
 
 def rectified(camera: AbstractCentralCamera, photograph: UInt8[np.ndarray, "height width 3"]) -> Figure:
     """The photograph before and after rectification at the fitted camera: straight lines become straight."""
-    target = perspective_like(camera)
-    seen_at = np.asarray(rectification_map(camera, target), np.float32)
+    wide = min(camera.width, _PREVIEW)
+    small = camera.resized(wide, max(1, round(camera.height * wide / camera.width)))
+    shown = cv2.resize(photograph, (small.width, small.height), interpolation=cv2.INTER_AREA)
+    seen_at = np.asarray(rectification_map(small, perspective_like(small)), np.float32)
     seen_at = np.where(np.isfinite(seen_at), seen_at, -2)
-    flat = cv2.remap(photograph, seen_at[..., 0], seen_at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-    figure = Figure(figsize=(9, 4.5 * photograph.shape[0] / photograph.shape[1] + 0.5), layout="constrained")
-    for axes, image, title in zip(figure.subplots(1, 2), (photograph, flat), ("stored", "rectified"), strict=True):
+    flat = cv2.remap(shown, seen_at[..., 0], seen_at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    figure = Figure(figsize=(9, 4.5 * shown.shape[0] / shown.shape[1] + 0.5), layout="constrained")
+    for axes, image, title in zip(figure.subplots(1, 2), (shown, flat), ("stored", "rectified"), strict=True):
         axes.imshow(image)
         axes.set_title(title)
         axes.set_axis_off()
