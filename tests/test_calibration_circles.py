@@ -42,6 +42,16 @@ def test_pose_width_and_verdict_are_reported(one_view):
     assert models["spherical"]["bic"] < models["equisolid"]["bic"] - 100
 
 
+def test_the_uncertainty_map_grows_outward_and_ends_with_the_lens(one_view):
+    spread = one_view.uncertainty_map()
+    middle, edge = spread[spread.shape[0] // 2, spread.shape[1] // 2], spread[spread.shape[0] // 2, 1]
+    assert 0 < middle < edge
+    rows, columns = np.mgrid[: spread.shape[0], : spread.shape[1]]
+    u, v = columns * 639 / (spread.shape[1] - 1), rows * 479 / (spread.shape[0] - 1)
+    beyond = np.hypot(u - one_view.camera.cx, v - one_view.camera.cy) > one_view.camera.f
+    np.testing.assert_array_equal(np.isnan(spread), beyond)
+
+
 def test_the_papers_estimators_are_beside_the_fit(one_view):
     paper = one_view.figures()["photographs"][0]["paper"]
     # they assume a sheet square-on and a target under the axis: some per cent at 6° of tilt

@@ -72,7 +72,8 @@ def larger(first: Float[np.ndarray, "n n"], second: Float[np.ndarray, "n n"]) ->
 
 
 def pixel_sd_map(found: Fit, covariance: Float[np.ndarray, "size size"], columns: int = 33) -> Float[np.ndarray, "r c"]:
-    """sd in px of where a fixed direction is seen, over a coarse grid of the image (rows × columns).
+    """sd in px of where a fixed direction is seen, over a coarse grid of the image (rows × columns); NaN where the lens
+    has no ray.
 
     A rotation of the camera as a whole is taken out (it is the pose's, not the lens's): the best small rotation is
     projected out of the rays' changes with each of the parameters.
@@ -92,7 +93,8 @@ def pixel_sd_map(found: Fit, covariance: Float[np.ndarray, "size size"], columns
     to_pixel = np.linalg.pinv(slopes)
     in_pixels = np.einsum("nij,njk->nik", to_pixel, change)
     spread = np.einsum("nik,kl,nil->n", in_pixels, covariance[:LENS_SIZE, :LENS_SIZE], in_pixels)
-    return np.sqrt(spread).reshape(rows, columns)
+    seen = np.array(jax.vmap(found.camera.is_valid)(pixels))
+    return np.where(seen, np.sqrt(spread), np.nan).reshape(rows, columns)
 
 
 @eqx.filter_jit
