@@ -16,7 +16,7 @@ from jaxsfs.forms import Scalar
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.photo import PhotoReport, Weights, irradiance_of
 from jaxsfs.photometry import AbstractFalloff, AbstractResponse, LinearResponse
-from jaxsfs.specular import HighlightRemoval, Method, SpecularReport, remove_highlights, restore_clipped
+from jaxsfs.specular import HighlightRemoval, Method, SpecularReport, remove_highlights, restore_clipped, untouched
 
 _MOST_FILLED = 0.6  # of the usable pixels; beyond, a fill would be most of the picture
 
@@ -69,12 +69,15 @@ def prepare(
     clipped = np.zeros(photo.shape, bool) if clip_limit is None else photo >= clip_limit
     counted = clipped if photo.ndim == 2 else np.asarray(np.any(clipped & (np.asarray(weights) > 0), axis=-1))
     known = usable & ~counted
-    if photo.shape[:2] != (camera.height, camera.width) or not known.any() or not linear[known].max() > 0:
-        specular = "off"  # what is wrong with such a picture is said below
-    removal = remove_highlights(linear, usable, saturated=counted, method=specular) if specular != "off" else None
-    values, unknown, measured, filled = _restored(linear, removal, clipped, counted, usable, weights, response)
+    readable = photo.shape[:2] == (camera.height, camera.width) and known.any() and linear[known].max() > 0
+    if specular == "off" or not readable:  # what is wrong with an unreadable picture is said below
+        removal = untouched(linear, counted & usable)
+    else:
+        removal = remove_highlights(linear, usable, saturated=counted, method=specular)
+    limit = 1.0 if clip_limit is None else float(response.decode(jnp.asarray(clip_limit, jnp.float32)))
+    values, unknown, measured, filled = _restored(removal, clipped, usable, weights, limit)
     if blood:
-        values = _without_blood(values, linear if removal is None else removal.values, float(blood))
+        values = _without_blood(values, removal.values, float(blood))
     irradiance, report = irradiance_of(
         values.astype(np.float32),
         camera,
@@ -86,27 +89,19 @@ def prepare(
         clip_limit=None,
         clipped=unknown,
     )
-    none = np.zeros(usable.shape, bool)
-    return Preparation(
-        irradiance,
-        none if removal is None else removal.highlights,
-        measured,
-        filled if removal is None else filled | removal.filled,
-        report,
-        _untouched(counted & usable) if removal is None else removal.report,
-    )
+    filled = filled | removal.filled
+    return Preparation(irradiance, removal.highlights, measured, filled, report, removal.report)
 
 
-def _restored(linear, removal: HighlightRemoval | None, clipped, counted, usable, weights, response):
+def _restored(removal: HighlightRemoval, clipped, usable, weights: Weights, limit: float):
     """Values, pixels that stay unknown, pixels measured in other channels, pixels filled."""
-    values = linear if removal is None else removal.values
+    values = removal.values
     # the clipping of a highlight's core says nothing of the body under it
-    unknown = (counted if removal is None else removal.unknown & ~removal.highlights) & usable
-    share = np.asarray(weights, np.float32) if linear.ndim == 3 else np.zeros(0, np.float32)
+    unknown = removal.unknown & ~removal.highlights & usable
+    share = np.asarray(weights, np.float32) if values.ndim == 3 else np.zeros(0, np.float32)
     if unknown.sum() > _MOST_FILLED * usable.sum() or not unknown.any():
         grey = values if values.ndim == 2 else values @ share
         return grey, unknown, np.zeros_like(unknown), np.zeros_like(unknown)
-    limit = float(response.decode(jnp.asarray(254 / 255, jnp.float32)))
     found = restore_clipped(values, unknown, clipped, usable, share, limit)
     return found.values, unknown & ~found.measured & ~found.filled, found.measured, found.filled
 
@@ -116,8 +111,3 @@ def _without_blood(values, linear, exponent: float):
         raise ValueError("blood shows in colour only; a grey photograph needs blood = 0")
     others = np.maximum(0.5 * (linear[..., 1] + linear[..., 2]), 1e-6)
     return np.where(values > 0, values * (np.maximum(values, 1e-9) / others) ** exponent, 0)
-
-
-def _untouched(saturated: Bool[np.ndarray, "height width"]) -> SpecularReport:
-    count = int(saturated.sum())
-    return SpecularReport("off", None, None, "none", 0.0, 0, count, 0, count, "highlights were not looked for")

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
+from jaxsfs.calibration._blobs import ellipticity
 from jaxsfs.calibration._field import Photograph
 
 _LEAST_AREA = 16
@@ -60,7 +61,9 @@ def _regions(photo: Photograph) -> tuple[np.ndarray, Float[np.ndarray, "n 2"], F
     touched = np.unique(np.asarray(labels)[np.asarray(outside, bool)]).astype(int)
     whole[touched] = whole[0] = False
     for label in np.nonzero(whole)[0].tolist():
-        whole[label] = _ellipticity(labels, np.asarray(stats[label]), label) > _LEAST_ELLIPTICITY
+        left, top, width, height, _ = stats[label]
+        region = labels[top : top + height, left : left + width] == label
+        whole[label] = ellipticity(region) > _LEAST_ELLIPTICITY
     return np.where(whole[labels], labels, 0), middle, np.sqrt(stats[:, 4])
 
 
@@ -74,14 +77,6 @@ def _dark_lines(photo: Photograph) -> Bool[np.ndarray, "height width"]:
     depth = 1 - smooth / np.maximum(paper, 0.003)
     about = cv2.GaussianBlur(cv2.dilate(cv2.GaussianBlur(depth, (0, 0), 1.0), kernel), (0, 0), size / 4)
     return depth > np.maximum(0.35 * about, _LEAST_DEPTH)
-
-
-def _ellipticity(labels: np.ndarray, stat: np.ndarray, label: int) -> float:
-    """Area over that of the ellipse with the region's second moments."""
-    left, top, width, height, _ = stat
-    v, u = np.nonzero(labels[top : top + height, left : left + width] == label)
-    spread = np.asarray(np.cov(np.stack([u, v]))) + np.eye(2) / 12
-    return len(u) / (4 * np.pi * np.sqrt(max(np.linalg.det(spread), 1e-12)))
 
 
 def _neighbours(labels: np.ndarray, side: Float[np.ndarray, " n"]) -> dict[int, list[int]]:

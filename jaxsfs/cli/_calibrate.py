@@ -1,13 +1,17 @@
 """`jaxsfs calibrate circles|grid|checkerboard|dots`: a camera file from photographs of a printed target."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
 from jaxsfs.cli._terminal import CannotRun, jax_session
+
+if TYPE_CHECKING:
+    from jaxsfs.calibration import Calibration
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,18 +76,8 @@ def circles(options: Annotated[CirclesOptions, FLAT]) -> int:
     with jax_session(64):
         from jaxsfs.calibration import calibrate_circles
 
-        return _run(
-            options,
-            lambda given: calibrate_circles(
-                given.images,
-                options.radii,
-                options.height,
-                options.height_tolerance,
-                options.model,
-                options.aspect,
-                given.response,
-            ),
-        )
+        more = {"radii": options.radii, "height": options.height, "height_tolerance": options.height_tolerance}
+        return _run(options, calibrate_circles, more)
 
 
 def grid(options: Annotated[CalibrateOptions, FLAT]) -> int:
@@ -96,7 +90,7 @@ def grid(options: Annotated[CalibrateOptions, FLAT]) -> int:
     with jax_session(64):
         from jaxsfs.calibration import calibrate_grid
 
-        return _run(options, lambda given: calibrate_grid(given.images, options.model, options.aspect, given.response))
+        return _run(options, calibrate_grid, {})
 
 
 def checkerboard(options: Annotated[BoardOptions, FLAT]) -> int:
@@ -106,23 +100,11 @@ def checkerboard(options: Annotated[BoardOptions, FLAT]) -> int:
       jaxsfs photograph checkerboard --columns 7 --rows 6 --pitch 3.5 --tilt 15 --out A.png
       jaxsfs calibrate checkerboard A.png --columns 7 --rows 6 --pitch 3.5 --out camera.json
     """
-    columns, rows, pitch = _sizes(options)
+    sizes = _sizes(options)
     with jax_session(64):
         from jaxsfs.calibration import calibrate_checkerboard
 
-        return _run(
-            options,
-            lambda given: calibrate_checkerboard(
-                given.images,
-                columns,
-                rows,
-                pitch,
-                options.model,
-                options.aspect,
-                options.two_scales,
-                given.response,
-            ),
-        )
+        return _run(options, calibrate_checkerboard, sizes)
 
 
 def dots(options: Annotated[DotsOptions, FLAT]) -> int:
@@ -132,37 +114,29 @@ def dots(options: Annotated[DotsOptions, FLAT]) -> int:
       jaxsfs photograph dots --columns 9 --rows 7 --pitch 4 --tilt 15 --out A.png
       jaxsfs calibrate dots A.png --columns 9 --rows 7 --pitch 4 --out camera.json
     """
-    columns, rows, pitch = _sizes(options)
+    sizes = _sizes(options)
     with jax_session(64):
         from jaxsfs.calibration import calibrate_dots
 
-        return _run(
-            options,
-            lambda given: calibrate_dots(
-                given.images,
-                columns,
-                rows,
-                pitch,
-                options.asymmetric,
-                options.model,
-                options.aspect,
-                options.two_scales,
-                given.response,
-                options.stretch,
-            ),
-        )
+        return _run(options, calibrate_dots, sizes | {"asymmetric": options.asymmetric, "stretch": options.stretch})
 
 
-def _sizes(options: BoardOptions) -> tuple[int, int, float]:
+def _sizes(options: BoardOptions) -> dict[str, Any]:
     if options.columns is None or options.rows is None or options.pitch is None:
         raise CannotRun("--columns, --rows and --pitch (mm) are all needed: they say what was printed")
-    return options.columns, options.rows, options.pitch
+    return {
+        "columns": options.columns,
+        "rows": options.rows,
+        "pitch": options.pitch,
+        "two_scales": options.two_scales,
+    }
 
 
-def _run(options: CalibrateOptions, calibrate) -> int:
+def _run(options: CalibrateOptions, calibrate: Callable[..., "Calibration"], more: dict[str, Any]) -> int:
+    """Reads the photographs, calibrates with the common options and `more`, writes."""
     from jaxsfs.cli import _calibration_input, _calibration_output
 
     _calibration_output.check_target(options.out, options.force)
     given = _calibration_input.read_photographs(options.images, options.response)
-    found = calibrate(given)
+    found = calibrate(given.images, model=options.model, aspect=options.aspect, response=given.response, **more)
     return _calibration_output.write(options, given, found)

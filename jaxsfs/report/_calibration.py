@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from jaxsfs.calibration import Calibration
+from jaxsfs.calibration import Calibration, observations
 from jaxsfs.report import _calibration_figures as figures
 from jaxsfs.report._page import code, heading, page, paragraph, picture, table
 
@@ -23,16 +23,16 @@ def calibration_page(
     """A self-contained HTML page on `found`: verdict, figures with 1σ, every photograph with what was found on it,
     residuals, coverage, uncertainty, the lens models compared. `photographs` are all that were given, `names` what to
     call them, `made_by` what to record (command, versions)."""
-    figures_of = found.figures()
+    figures_of, seen = found.figures(), observations(found)
     parts = [paragraph(found.verdict, "verdict"), *(paragraph(text, "warning") for text in found.warnings)]
-    parts += [heading("Camera"), table(_camera_rows(found)), heading("Photographs"), *_photographs(found, names)]
+    parts += [heading("Camera"), table(_camera_rows(figures_of)), heading("Photographs"), *_photographs(found, names)]
     for view, result in enumerate(found.views):
         caption = f"{names[result.photograph]}: observations and residuals (seen minus fitted)"
-        parts.append(picture(figures.detections(found, photographs[result.photograph], view), caption))
-    parts += [heading("Residuals"), picture(figures.residual_against_angle(found), "residual against angle")]
+        parts.append(picture(figures.detections(found, seen, photographs[result.photograph], view), caption))
+    parts += [heading("Residuals"), picture(figures.residual_against_angle(found, seen), "residual against angle")]
     parts += [heading("Coverage and uncertainty")]
-    parts.append(picture(figures.coverage_and_uncertainty(found), "coverage, and the uncertainty map in px"))
-    parts += [heading("Which lens is it"), _models(found), picture(figures.models(found), "lens models compared")]
+    parts.append(picture(figures.coverage_and_uncertainty(found, seen), "coverage, and the uncertainty map in px"))
+    parts += [heading("Which lens is it"), _models(found), picture(figures.models(found, seen), "lens models compared")]
     if "straightness" in found.extras:
         parts += [heading("Straightness against f"), paragraph(_NAIVE_SCORES)]
         parts.append(picture(figures.straightness(found), "scores of straightness"))
@@ -54,8 +54,7 @@ def _rectified(found: Calibration, photographs) -> str:
     return picture(figures.rectified(found.camera, first), "before and after rectification at the fitted camera")
 
 
-def _camera_rows(found: Calibration) -> list[tuple[str, str]]:
-    own = found.figures()
+def _camera_rows(own: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows = [
         ("model", f"{own['model']}: {own['formula']}"),
         ("f", f"{own['f']:.3f} ± {own['f_sd']:.3f} px"),

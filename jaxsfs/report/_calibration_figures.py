@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.figure import Figure
 
-from jaxsfs.calibration import Calibration, observations
+from jaxsfs.calibration import Calibration, Observations
 from jaxsfs.calibration._fit import Fit, rays_of
 from jaxsfs.camera import AbstractCentralCamera, perspective_like, rectification_map
 
@@ -15,9 +15,10 @@ _PREVIEW = 480  # px: width of the rectified preview
 _ARROW_PX = 0.04  # of the image width: length of the 95th-percentile residual in the picture
 
 
-def detections(found: Calibration, photograph: UInt8[np.ndarray, "height width 3"], view: int) -> Figure:
+def detections(
+    found: Calibration, seen: Observations, photograph: UInt8[np.ndarray, "height width 3"], view: int
+) -> Figure:
     """Used and left-out observations over the photograph, with the residuals as magnified arrows."""
-    seen = observations(found)
     mine = seen.view == view
     used, left = mine & seen.used, mine & ~seen.used
     size = np.hypot(*seen.residual[used].T)
@@ -37,10 +38,9 @@ def detections(found: Calibration, photograph: UInt8[np.ndarray, "height width 3
     return figure
 
 
-def residual_against_angle(found: Calibration) -> Figure:
+def residual_against_angle(found: Calibration, seen: Observations) -> Figure:
     """Signed residual, outward from the principal point, against the angle from the axis. A wrong lens model shows as
     a pattern of signs."""
-    seen = observations(found)
     away = seen.pixel - found.fit.parameters[1:3]
     outward = away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
     signed = np.sum(seen.residual * outward, axis=1)[seen.used]
@@ -65,9 +65,9 @@ def _binned(angle: Float[np.ndarray, " n"], value: Float[np.ndarray, " n"]) -> t
     return [m for m, _ in filled], [v for _, v in filled]
 
 
-def coverage_and_uncertainty(found: Calibration) -> Figure:
+def coverage_and_uncertainty(found: Calibration, seen: Observations) -> Figure:
     """Where in the image there are observations, and the sd in px of where a direction is seen."""
-    seen, (width, height) = observations(found), found.fit.setup.size
+    width, height = found.fit.setup.size
     figure = Figure(figsize=(9, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     counts, _, _ = np.histogram2d(
@@ -85,9 +85,8 @@ def coverage_and_uncertainty(found: Calibration) -> Figure:
     return figure
 
 
-def models(found: Calibration) -> Figure:
+def models(found: Calibration, seen: Observations) -> Figure:
     """Image radius against angle of the lens models that fit at all, as a difference from the chosen one."""
-    seen = observations(found)
     reach = float(np.percentile(seen.alpha_deg[seen.used], 99.5))
     angle = np.linspace(0, reach, 60)
     figure = Figure(figsize=(8, 3.4), layout="constrained")

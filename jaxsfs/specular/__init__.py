@@ -17,3 +17,4 @@ from jaxsfs.specular._removal import HighlightRemoval as HighlightRemoval
 from jaxsfs.specular._removal import Method as Method
 from jaxsfs.specular._removal import SpecularReport as SpecularReport
 from jaxsfs.specular._removal import remove_highlights as remove_highlights
+from jaxsfs.specular._removal import untouched as untouched

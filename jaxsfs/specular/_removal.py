@@ -95,13 +95,18 @@ def remove_highlights(
         raise ValueError(f"method must be auto, mask, dichromatic or off, got {method!r}")
     if not (usable & ~saturated).any():
         raise ValueError("no pixel is usable and unsaturated: check the mask and the exposure")
-    none = np.zeros(shape, bool)
     if method == "off":
-        report = _report("off", None, none, saturated, none, saturated, "highlights were not looked for")
-        return HighlightRemoval(linear, none, none, saturated, report)
+        return untouched(linear, saturated)
     if method == "dichromatic":
         return _everywhere(linear, usable, saturated, interface, sample)
     return _inside_highlights(linear, usable, saturated, method == "mask", interface, sample)
+
+
+def untouched(linear: Picture, saturated: Mask) -> HighlightRemoval:
+    """What method "off" gives: the picture as it is, its `saturated` pixels unknown."""
+    none = np.zeros(saturated.shape, bool)
+    report = _report("off", None, none, saturated, none, saturated, "highlights were not looked for")
+    return HighlightRemoval(linear, none, none, saturated, report)
 
 
 def _inside_highlights(
