@@ -67,7 +67,7 @@ _HOME = {
     "jaxsfs.lights": ("Light", "Lights", "lights_from_dict", "lights_to_dict", "shade_lights"),
     "jaxsfs.surface": ("Surface",),
     "jaxsfs.initial": ("Curve", "Deadline", "SingularPoint", "SummitHeights", "Threshold"),
-    "jaxsfs.reconstruction": ("Reconstruction", "Statistics", "Status", "reconstruct", "scaled_to"),
+    "jaxsfs.reconstruction": ("Reconstruction", "Statistics", "Status", "reconstruct", "residual_map", "scaled_to"),
     "jaxsfs.rendering": ("photograph", "render", "render_distant", "render_lights", "shade", "shade_distant"),
     "jaxsfs.photo": ("PhotoReport", "irradiance_of"),
     "jaxsfs.refinement": ("Refinement", "RefinementStatus", "refine"),
@@ -256,6 +256,9 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.reconstruction import (
         reconstruct as reconstruct,
+    )
+    from jaxsfs.reconstruction import (
+        residual_map as residual_map,
     )
     from jaxsfs.reconstruction import (
         scaled_to as scaled_to,

@@ -19,6 +19,7 @@ def mesh_from_surface(
     *,
     cut: Bool[np.ndarray, "height width"] | None = None,
     max_grazing_deg: float | int = 85.0,
+    step: int = 1,
 ) -> trimesh.Trimesh:
     """The triangle mesh of `surface`: two triangles for each square of four valid pixels, one where three are valid.
 
@@ -32,9 +33,12 @@ def mesh_from_surface(
 
     Vertices: camera frame (x right, y down, z forward), unit of the surface's range, only those that a triangle uses,
     in row order. Faces turn counter-clockwise seen from the camera: normals point towards it. `colours`: RGB per pixel
-    (height, width, 3). Fewer than three usable pixels give a mesh without faces. Raises ValueError for arrays of
-    another size than the surface's and for an angle outside (0, 90).
+    (height, width, 3). `step`: only every so many-th row and column, for a lighter mesh. `vertex_attributes["pixel"]`:
+    the (u, v) of each vertex. Fewer than three usable pixels give a mesh without faces. Raises ValueError for arrays
+    of another size than the surface's, for an angle outside (0, 90) and for a step below 1.
     """
+    if step < 1:
+        raise ValueError(f"step must be 1 or more pixels, got {step}")
     if not 0 < max_grazing_deg < 90:
         raise ValueError(f"max_grazing_deg must lie between 0 and 90 degrees, got {max_grazing_deg}")
     valid = np.asarray(surface.valid)
@@ -46,17 +50,21 @@ def mesh_from_surface(
     usable = valid & np.isfinite(points).all(axis=-1)
     if cut is not None:
         usable &= ~cut
-    points = np.where(usable[..., None], points, 0)
-    faces = _faces(points, space.rays, usable, np.tan(np.deg2rad(max_grazing_deg)))
+    usable = usable[::step, ::step]
+    points = np.where(usable[..., None], points[::step, ::step], 0)
+    faces = _faces(points, space.rays[::step, ::step], usable, np.tan(np.deg2rad(max_grazing_deg)))
 
-    used = np.zeros(valid.size, bool)
+    used = np.zeros(usable.size, bool)
     used[faces.ravel()] = True
     new_index = np.cumsum(used) - 1
-    vertex_colours = None if colours is None else colours.reshape(-1, 3)[used]
+    vertex_colours = None if colours is None else colours[::step, ::step].reshape(-1, 3)[used]
     # `process` would merge and reorder vertices.
-    return trimesh.Trimesh(
+    mesh = trimesh.Trimesh(
         points.reshape(-1, 3)[used], new_index[faces], vertex_colors=vertex_colours, process=False, validate=False
     )
+    v, u = np.unravel_index(np.flatnonzero(used), usable.shape)
+    mesh.vertex_attributes["pixel"] = step * np.stack([u, v], axis=-1)
+    return mesh
 
 
 def _faces(points: np.ndarray, rays: np.ndarray, usable: np.ndarray, limit: float) -> np.ndarray:

@@ -166,6 +166,20 @@ def scaled_to(result: Reconstruction, pixel: tuple[Scalar, Scalar], distance: Sc
     return eqx.tree_at(lambda r: (r.surface, r.albedo), result, (scaled, result.albedo * factor**2))
 
 
+def residual_map(
+    result: Reconstruction,
+    *,
+    reflectance: AbstractReflectance = Lambertian(),  # noqa: B008 (frozen)
+    light: Literal["camera", "distant"] = "camera",
+) -> Float[np.ndarray, "height width"]:
+    """|E_rerendered − E|/mean(E) per pixel, what `Statistics` sums up; NaN where the surface has no normal.
+
+    `reflectance` and `light` as in the reconstruction.
+    """
+    misfit, ok = _misfit(result.surface, result.irradiance, result.albedo, reflectance, light == "distant")
+    return np.where(np.asarray(ok), np.asarray(misfit), np.nan)
+
+
 def _usable(irradiance: Irradiance, camera: AbstractCamera) -> Mask:
     shape = irradiance.values.shape
     if shape != (camera.height, camera.width):

@@ -25,7 +25,7 @@ from jaxsfs.reconstruction import Reconstruction
 SMALL = ["--width", "96", "--height", "96"]
 WRITTEN = {
     *("range.tiff", "depth.tiff", "normals.tiff", "mask.png", "mesh.ply", "mesh.glb", "depth.png", "shaded.png"),
-    "result.json",
+    *("result.json", "report.html"),
 }
 
 

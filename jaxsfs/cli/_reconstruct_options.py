@@ -68,6 +68,8 @@ class ReconstructOptions:
     lights: Annotated[Path | None, value("FILE", default="none")] = None
     # Bits of the floating-point numbers.
     precision: Literal[32, 64] = 32
+    # Leave report.html out: the page with pictures, maps and a mesh to turn.
+    report: bool = True
     # Replace the results of an earlier run.
     force: bool = False
     # Print result.json instead of a summary.

@@ -1,5 +1,26 @@
-"""Pages to look at: one self-contained HTML file each, no network."""
+"""Pages to look at: one self-contained HTML file each, no network.
 
-from jaxsfs.report._calibration import calibration_page as calibration_page
-from jaxsfs.report._white import white_page as white_page
-from jaxsfs.report._white import white_summary as white_summary
+Names are imported when first used: the page of a reconstruction does not wait for the calibrations' libraries.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+_MODULE_OF = {
+    "calibration_page": "jaxsfs.report._calibration",
+    "reconstruction_page": "jaxsfs.report._reconstruction",
+    "white_page": "jaxsfs.report._white",
+    "white_summary": "jaxsfs.report._white",
+}
+
+if TYPE_CHECKING:  # what the table says, for editors and type checkers
+    from jaxsfs.report._calibration import calibration_page as calibration_page
+    from jaxsfs.report._reconstruction import reconstruction_page as reconstruction_page
+    from jaxsfs.report._white import white_page as white_page
+    from jaxsfs.report._white import white_summary as white_summary
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'jaxsfs.report' has no attribute {name!r}")
+    return getattr(importlib.import_module(_MODULE_OF[name]), name)
