@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsfs.forms import Scalar
 from jaxsfs.shading import AbstractShading, Balance
 
 Image = Float[Array, "height width"]
@@ -68,9 +69,7 @@ def sweep(
     change of v in a round is below `tolerance`: on a noisy image single pixels go on flickering for no gain.
     """
     given = inside & jnp.isfinite(known)
-    # Second order: the power that makes the equation quadratic. First order: p = −1, v = −1/r, in which surfaces
-    # bend least and one-sided differences err least (a plane's 1/r is linear in the ray).
-    p = -1.0 if order == 1 and shading.is_quadratic() else shading.natural_power()
+    p = power_for(shading, order)
     quadratic = order == 2 and shading.is_quadratic()
     top = jnp.where(inside, shading.lift(jnp.where(given, known, shading.deadline()), p), _HUGE)
     top = jnp.minimum(top, _HUGE)
@@ -113,14 +112,20 @@ def sweep(
     return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change)
 
 
+def power_for(shading: AbstractShading, order: int) -> Scalar:
+    """The power p of `lift` that the sweeps solve in."""
+    # Second order: the power that makes the equation quadratic. First order: p = −1, v = −1/r, in which surfaces
+    # bend least and one-sided differences err least (a plane's 1/r is linear in the ray).
+    return -1.0 if order == 1 and shading.is_quadratic() else shading.natural_power()
+
+
 def _directional_sweep(v, owner, balance: Balance, frame: _Frame, forward, direction, second, frozen):
     """One sweep down (`forward`) or up the rows. `direction` owns the pixels whose value it set: they follow
     their upwind neighbours up as well as down, which second order needs."""
     height, width = v.shape
     padded = jnp.pad(v, _PAD, constant_values=_HUGE)
 
-    def row(n, state):
-        padded, owner = state
+    def row(n, padded):
         i = jnp.where(forward, n, height - 1 - n)
 
         def neighbour(back, shift):
@@ -137,13 +142,10 @@ def _directional_sweep(v, owner, balance: Balance, frame: _Frame, forward, direc
         mine = at(owner) == direction
         better = (candidate < old) & ~frozen
         new = jnp.where(at(frame.free) & (better | mine), jnp.minimum(candidate, at(frame.top)), old)
-        owner_row = jnp.where(at(frame.free) & better, direction, at(owner))
-        padded = jax.lax.dynamic_update_slice(padded, new[None], (i + _PAD, _PAD))
-        owner = jax.lax.dynamic_update_slice(owner, owner_row[None], (i, 0))
-        return padded, owner
+        return jax.lax.dynamic_update_slice(padded, new[None], (i + _PAD, _PAD))
 
-    padded, owner = jax.lax.fori_loop(0, height, row, (padded, owner))
-    return padded[_PAD:-_PAD, _PAD:-_PAD], owner
+    new = jax.lax.fori_loop(0, height, row, padded)[_PAD:-_PAD, _PAD:-_PAD]
+    return new, jnp.where(new < v, direction, owner)
 
 
 def _row_update(neighbour, g11, g12, g22, balance, second):
@@ -165,7 +167,7 @@ def _one_sided(neighbour, shift, second):
     """(a, m, v(y)) of the difference a (v − m) towards the neighbour y."""
     here, near, far = neighbour(0, 0), neighbour(1, shift), neighbour(2, 2 * shift)
     fall, before = here - near, near - far
-    ratio = before / jnp.maximum(fall, 1e-30)
+    ratio = before / jnp.where(fall > 0, fall, 1)
     share = jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1)
     share = jnp.where(second & (far < 0.5 * _HUGE) & (fall > 0), share, 0)
     a = 1 + 0.5 * share
