@@ -73,10 +73,20 @@ _HOME = {
     "jaxsfs.refinement": ("Refinement", "RefinementStatus", "refine"),
     "jaxsfs.field": ("FieldMask", "find_field"),
     "jaxsfs.evaluation": ("Evaluation", "evaluate"),
+    "jaxsfs.measuring": ("Area", "Length", "measure_area", "measure_length"),
     "jaxsfs.mesh": ("mesh_from_surface",),
     "jaxsfs.pictures": ("depth_picture", "shaded_picture"),
     "jaxsfs.convert": ("export_camera", "import_camera"),
-    "jaxsfs.files": ("InputError", "read_camera", "read_image", "read_lights", "read_map", "read_mask", "write_camera"),
+    "jaxsfs.files": (
+        "InputError",
+        "read_camera",
+        "read_image",
+        "read_lights",
+        "read_map",
+        "read_mask",
+        "read_result",
+        "write_camera",
+    ),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = tuple(sorted(_MODULE_OF))  # pyright: ignore[reportUnsupportedDunderAll]
@@ -165,6 +175,9 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
         read_mask as read_mask,
     )
     from jaxsfs.files import (
+        read_result as read_result,
+    )
+    from jaxsfs.files import (
         write_camera as write_camera,
     )
     from jaxsfs.initial import (
@@ -199,6 +212,18 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.lights import (
         shade_lights as shade_lights,
+    )
+    from jaxsfs.measuring import (
+        Area as Area,
+    )
+    from jaxsfs.measuring import (
+        Length as Length,
+    )
+    from jaxsfs.measuring import (
+        measure_area as measure_area,
+    )
+    from jaxsfs.measuring import (
+        measure_length as measure_length,
     )
     from jaxsfs.mesh import (
         mesh_from_surface as mesh_from_surface,

@@ -15,7 +15,7 @@ LAYERS = (
     ("geometry", "levelset", "sweeping", "initial", "lights"),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
     ("evaluation", "mesh", "pictures", "calibration", "refinement", "preparation"),
-    ("files", "convert", "target", "report", "estimation"),
+    ("files", "convert", "target", "report", "estimation", "measuring"),
     ("cli",),
 )
 HEIGHT = {name: height for height, names in enumerate(LAYERS) for name in names}

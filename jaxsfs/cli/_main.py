@@ -14,6 +14,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "reconstruct": ("jaxsfs.cli._reconstruct", "reconstruct", "a surface from one photograph"),
     "render": ("jaxsfs.cli._render", "render", "a synthetic endoscope view with its exact range and normals"),
     "evaluate": ("jaxsfs.cli._evaluate", "evaluate", "errors of a range or depth map against the truth"),
+    "measure": ("jaxsfs.cli._measure", "measure", "lengths and areas on a reconstructed surface"),
     "photograph": ("jaxsfs.cli._photograph", "photograph", "a synthetic photograph of a calibration target"),
     "calibrate circles": ("jaxsfs.cli._calibrate", "circles", "a camera from photographs of printed circles"),
     "calibrate grid": ("jaxsfs.cli._calibrate", "grid", "a camera from straight lines, sizes unknown"),

@@ -12,6 +12,7 @@ _HOME = {
     "_meshes": ("write_mesh",),
     "_photo": ("Photo", "read_image", "read_mask"),
     "_records": ("read_camera", "read_json", "read_lights", "write_camera", "write_json"),
+    "_result": ("StoredResult", "read_result"),
     "_surface": ("write_surface",),
 }
 _MODULE_OF = {name: f"jaxsfs.files.{module}" for module, names in _HOME.items() for name in names}
@@ -33,6 +34,8 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.files._records import read_lights as read_lights
     from jaxsfs.files._records import write_camera as write_camera
     from jaxsfs.files._records import write_json as write_json
+    from jaxsfs.files._result import StoredResult as StoredResult
+    from jaxsfs.files._result import read_result as read_result
     from jaxsfs.files._surface import write_surface as write_surface
 
 
