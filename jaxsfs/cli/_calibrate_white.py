@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import CannotRun, jax_session
+from jaxsfs.cli._terminal import CannotRun, jax_session, say
 
 if TYPE_CHECKING:
     from jaxsfs.calibration import PlanePose
@@ -83,7 +83,7 @@ def _run(options: WhiteOptions) -> int:
     if options.json:
         print(json.dumps(record["white_target"], indent=2))
     else:
-        print("\n".join([*white_summary(found), f"wrote {options.out} and {report_path(options.out)}"]))
+        say("\n".join([*white_summary(found), f"wrote {options.out} and {report_path(options.out)}"]))
     return 0
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from jaxsfs import files
 from jaxsfs.calibration import Calibration
 from jaxsfs.cli._calibration_input import Photographs
-from jaxsfs.cli._terminal import command_line, progress, versions
+from jaxsfs.cli._terminal import command_line, progress, say, versions
 
 if TYPE_CHECKING:
     from jaxsfs.cli._calibrate import CalibrateOptions
@@ -43,7 +43,7 @@ def write(options: "CalibrateOptions", given: Photographs, found: Calibration) -
     if options.json:
         print(options.out.read_text(encoding="utf-8"), end="")
     else:
-        print(_summary(found, given, options.out))
+        say(_summary(found, given, options.out))
     for text in found.warnings:
         print(f"jaxsfs: warning: {text}", file=sys.stderr)
     return 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import jax_session
+from jaxsfs.cli._terminal import jax_session, say
 
 if TYPE_CHECKING:
     from jaxsfs.camera import CameraFile
@@ -126,10 +126,10 @@ def _say(done: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print(json.dumps(done, indent=2))
     else:
-        print(f"{done['target']}: {done['to']} camera from {done['source']} ({done['from']})")
+        say(f"{done['target']}: {done['to']} camera from {done['source']} ({done['from']})")
     for step in ("imported", "exported"):
         if not as_json and (misfit := done[step]["misfit"]) is not None:
-            print(f"{step} as the nearest fisheye: {_in_words(misfit)}")
+            say(f"{step} as the nearest fisheye: {_in_words(misfit)}")
     if skipped := done["imported"]["not_read"]:
         print(f"jaxsfs: not read: {', '.join(skipped)}", file=sys.stderr)
     if lost := done["exported"]["not_written"]:

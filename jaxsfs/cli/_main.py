@@ -7,7 +7,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-from jaxsfs.cli._terminal import CannotRun, command_line
+from jaxsfs.cli._terminal import CannotRun, command_line, quiet
 
 # name → module, function, one line for `jaxsfs --help`
 COMMANDS: dict[str, tuple[str, str, str]] = {
@@ -28,6 +28,8 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "target grid": ("jaxsfs.cli._target", "grid", "a printable page of lines"),
     "target checkerboard": ("jaxsfs.cli._target", "checkerboard", "a printable checkerboard"),
     "target dots": ("jaxsfs.cli._target", "dots", "a printable page of dots"),
+    "doctor": ("jaxsfs.cli._doctor", "doctor", "versions, devices, cache, and one self-test"),
+    "completion": ("jaxsfs.cli._completion", "completion", "lets a shell complete commands and options"),
 }
 
 _USAGE = """usage: jaxsfs COMMAND [OPTIONS]
@@ -38,6 +40,7 @@ commands:
 {commands}
 
   jaxsfs COMMAND --help     the options of a command, with an example
+  jaxsfs COMMAND --quiet    no progress and no summary; errors, warnings and data (--json) are still printed
   jaxsfs --version
 
 example:
@@ -49,6 +52,7 @@ exit codes: 0 good, 2 bad input, 3 the result is not to be trusted (it is writte
 """
 
 _BAD_INPUT = 2
+_QUIET = "--quiet"
 _INTERRUPTED = 130  # 128 + SIGINT, as shells count
 
 
@@ -91,6 +95,8 @@ def _run(words: list[str]) -> int:
 
     module, function, _ = COMMANDS[name]
     command_line.set(shlex.join(["jaxsfs", *name.split(), *words]))
+    quiet.set(_QUIET in words)
+    words = [word for word in words if word != _QUIET]
     command = getattr(importlib.import_module(module), function)
     try:
         outcome = tyro.cli(

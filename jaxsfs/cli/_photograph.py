@@ -1,13 +1,14 @@
 """`jaxsfs photograph`: synthetic photographs of calibration targets, to try a calibration before printing anything."""
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import CannotRun, jax_session
+from jaxsfs.cli._terminal import CannotRun, jax_session, say
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +43,8 @@ class PhotographOptions:
     seed: int = 0
     # Replace an earlier picture.
     force: bool = False
+    # Print the camera as JSON instead of a summary.
+    json: bool = False
 
 
 def photograph(options: Annotated[PhotographOptions, FLAT]) -> int:
@@ -73,7 +76,7 @@ def _write(options: PhotographOptions) -> int:
     from data_synth.targets import photograph as take
     from jaxsfs import files
     from jaxsfs.calibration import tilted
-    from jaxsfs.camera import Spherical
+    from jaxsfs.camera import Spherical, camera_to_dict
 
     camera = (
         Spherical(f=320.0, cx=322.0, cy=237.0, width=640, height=480)
@@ -84,7 +87,10 @@ def _write(options: PhotographOptions) -> int:
     studio = Studio(blur=options.blur, noise=options.noise)
     picture = take(camera, _pattern(options), pose, studio, options.seed, options.gain)
     files.write_png(options.out, picture, force=options.force)
-    print(f"{options.out}: {camera.width} x {camera.height} px, {options.target} at {options.height:g} mm")
+    if options.json:
+        print(json.dumps({"out": str(options.out), "camera": camera_to_dict(camera)}, indent=2))
+    else:
+        say(f"{options.out}: {camera.width} x {camera.height} px, {options.target} at {options.height:g} mm")
     return 0
 
 

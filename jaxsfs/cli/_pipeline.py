@@ -13,7 +13,7 @@ from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._reconstruct_report import report
 from jaxsfs.cli._settings import COMMAND_LINE, DEFAULT, Setting
 from jaxsfs.cli._summary import summary
-from jaxsfs.cli._terminal import command_line, progress, versions
+from jaxsfs.cli._terminal import command_line, progress, say, versions
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.lights import lights_to_dict
 from jaxsfs.photo import clipping_limit
@@ -43,7 +43,7 @@ def run(options: ReconstructOptions) -> int:
     if options.json:
         print((options.out / "result.json").read_text(encoding="utf-8"), end="")
     else:
-        print(summary(record, options.out, time.perf_counter() - start))
+        say(summary(record, options.out, time.perf_counter() - start))
     trustworthy = result.status.trustworthy and (refinement is None or refinement.status.trustworthy)
     return 0 if trustworthy else _NOT_TRUSTWORTHY
 

@@ -8,7 +8,7 @@ from typing import Annotated
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import jax_session
+from jaxsfs.cli._terminal import jax_session, say
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,5 +64,5 @@ def _write_rectified(options: RectifyOptions) -> int:
     if options.json:
         print(json.dumps(camera_to_dict(target), indent=2))
     else:
-        print(f"{options.out}: {width} x {height} px, perspective, focal length {float(target.fx):.6g} px")
+        say(f"{options.out}: {width} x {height} px, perspective, focal length {float(target.fx):.6g} px")
     return 0

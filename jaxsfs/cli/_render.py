@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import CannotRun, jax_session, progress
+from jaxsfs.cli._terminal import CannotRun, jax_session, progress, say
 
 if TYPE_CHECKING:
     from jaxsfs.camera import AbstractCamera
@@ -131,6 +131,4 @@ def _write_view(options: RenderOptions) -> None:
         print((options.out / "scene.json").read_text(encoding="utf-8"), end="")
     else:
         size = f"{sample.valid.shape[1]} x {sample.valid.shape[0]} px"
-        print(
-            f"{options.out}: {json.dumps(sample.description['name'])}, {size}, {sample.valid.mean():.0%} of it filled"
-        )
+        say(f"{options.out}: {json.dumps(sample.description['name'])}, {size}, {sample.valid.mean():.0%} of it filled")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import jax_session
+from jaxsfs.cli._terminal import jax_session, say
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +85,7 @@ def _separated(options: SpecularOptions) -> int:
     if options.json:
         print((options.out / "result.json").read_text(encoding="utf-8"), end="")
     else:
-        print(_summary(options.out, record, int(usable.sum())))
+        say(_summary(options.out, record, int(usable.sum())))
     return 0
 
 

@@ -1,11 +1,13 @@
 """`jaxsfs target …`: printable calibration targets. Nothing here needs JAX, so the commands start at once."""
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Annotated
 
 from jaxsfs import files, target
 from jaxsfs.cli._options import FLAT, value
+from jaxsfs.cli._terminal import say
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,6 +18,8 @@ class PageOptions:
     paper: Annotated[str, value("NAME")] = "A4"
     # Replace the page.
     force: bool = False
+    # Print JSON instead of a summary.
+    json: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,5 +107,8 @@ def dots(options: Annotated[DotsOptions, FLAT]) -> int:
 
 def _write(options: PageOptions, page: bytes) -> int:
     files.write_bytes(options.out, page, force=options.force)
-    print(f"{options.out}: print it at 100 %, then measure the bar of 100 mm")
+    if options.json:
+        print(json.dumps({"out": str(options.out), "paper": options.paper}, indent=2))
+    else:
+        say(f"{options.out}: print it at 100 %, then measure the bar of 100 mm")
     return 0

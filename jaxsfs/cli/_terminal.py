@@ -14,8 +14,14 @@ class CannotRun(ValueError):
 
 def progress(line: str) -> None:
     """Says on a terminal's stderr what is being done; a file or a pipe does not need to know."""
-    if sys.stderr.isatty():
+    if sys.stderr.isatty() and not quiet.get():
         print(f"jaxsfs: {line} …", file=sys.stderr, flush=True)
+
+
+def say(text: str) -> None:
+    """Prints what became of files that were written, unless the user wants --quiet. Data is printed by `print`."""
+    if not quiet.get():
+        print(text)
 
 
 @contextlib.contextmanager
@@ -55,5 +61,6 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in packages}
 
 
-# The line that a result records as what made it; `main` sets it.
+# `main` sets these: whether --quiet was given, and the line that a result records as what made it.
+quiet: ContextVar[bool] = ContextVar("quiet", default=False)
 command_line: ContextVar[str] = ContextVar("command_line", default="jaxsfs")
