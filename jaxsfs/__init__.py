@@ -75,6 +75,7 @@ _HOME = {
     "jaxsfs.evaluation": ("Evaluation", "evaluate"),
     "jaxsfs.measuring": ("Area", "Length", "measure_area", "measure_length"),
     "jaxsfs.mesh": ("mesh_from_surface",),
+    "jaxsfs.animation": ("front_frames",),
     "jaxsfs.pictures": ("depth_picture", "shaded_picture"),
     "jaxsfs.convert": ("export_camera", "import_camera"),
     "jaxsfs.files": (
@@ -93,6 +94,9 @@ __all__ = tuple(sorted(_MODULE_OF))  # pyright: ignore[reportUnsupportedDunderAl
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:  # what the table says, for editors and type checkers
+    from jaxsfs.animation import (
+        front_frames as front_frames,
+    )
     from jaxsfs.camera import (
         AbstractCamera as AbstractCamera,
     )

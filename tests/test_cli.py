@@ -102,6 +102,11 @@ def test_what_reconstruct_writes(result):
     )
 
 
+def test_animate_and_no_report(view, tmp_path):
+    assert main(reconstruct(view, tmp_path / "out", "--animate", "gif", "--no-report")) == 0
+    assert {p.name for p in (tmp_path / "out").iterdir()} == WRITTEN - {"report.html"} | {"front.gif"}
+
+
 def test_the_recorded_command_gives_the_same_result(result, tmp_path):
     words = shlex.split(record(result)["command"])[1:]
     words[words.index("--out") + 1] = str(tmp_path / "again")

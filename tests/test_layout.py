@@ -14,7 +14,7 @@ LAYERS = (
     ("photometry", "irradiance", "surface", "shading"),
     ("geometry", "levelset", "sweeping", "initial", "lights"),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
-    ("evaluation", "mesh", "pictures", "calibration", "refinement", "preparation"),
+    ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation"),
     ("files", "convert", "target", "report", "estimation", "measuring"),
     ("cli",),
 )

@@ -10,7 +10,7 @@ from jaxsfs import files
 from jaxsfs.camera import camera_to_dict
 from jaxsfs.cli._reconstruct_input import Input, initial_form, read
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
-from jaxsfs.cli._reconstruct_report import report
+from jaxsfs.cli._reconstruct_report import fronts, report
 from jaxsfs.cli._settings import COMMAND_LINE, DEFAULT, Setting
 from jaxsfs.cli._summary import summary
 from jaxsfs.cli._terminal import command_line, progress, say, versions
@@ -37,6 +37,9 @@ def run(options: ReconstructOptions) -> int:
         files.write_surface(folder, result.surface, given.photo.rgb8(), given.settings.unit)
         record = _record(options, given, result, prepared, refinement)
         files.write_json(folder / "result.json", record)
+        if options.animate and bool(result.surface.valid.any()):
+            progress(f"drawing front.{options.animate}")
+            files.write_animation(folder / f"front.{options.animate}", fronts(given, result, options.light))
         if options.report:
             page = report(given, result, prepared, record, options.light)
             files.write_bytes(folder / "report.html", page.encode())

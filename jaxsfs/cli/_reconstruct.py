@@ -15,7 +15,7 @@ def reconstruct(options: Annotated[ReconstructOptions, FLAT]) -> int:
       jaxsfs reconstruct view/image.png --camera view/camera.json --out result
 
     Writes range.tiff, depth.tiff, normals.tiff, mask.png, mesh.ply, mesh.glb, depth.png, shaded.png, result.json, and
-    report.html to look at.
+    report.html to look at; --animate adds front.gif or front.mp4.
     What is given here beats the camera file's photometry, that beats the default; the result says which it was. Exit
     code 3: the result is written, but not to be trusted; its status says why and what to do.
     """

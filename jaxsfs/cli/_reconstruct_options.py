@@ -68,6 +68,8 @@ class ReconstructOptions:
     lights: Annotated[Path | None, value("FILE", default="none")] = None
     # Bits of the floating-point numbers.
     precision: Literal[32, 64] = 32
+    # Write front.gif or front.mp4 as well: the front of constant range advances over the photograph.
+    animate: Annotated[Literal["gif", "mp4"] | None, value("gif|mp4", default="none")] = None
     # Leave report.html out: the page with pictures, maps and a mesh to turn.
     report: bool = True
     # Replace the results of an earlier run.

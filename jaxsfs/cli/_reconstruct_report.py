@@ -1,11 +1,12 @@
 """The page that a reconstruction leaves beside its files."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 
+from jaxsfs.animation import front_frames
 from jaxsfs.cli._reconstruct_input import Input
 from jaxsfs.preparation import Preparation
 from jaxsfs.reconstruction import Reconstruction, residual_map
@@ -31,6 +32,15 @@ def report(
         uncertainty=uncertainty,
         usable=given.valid,
     )
+
+
+def fronts(given: Input, result: Reconstruction, light: Literal["camera", "distant"]) -> Iterator[np.ndarray]:
+    """The frames of `--animate`: when the front arrives at each pixel is what the surface's range says."""
+    surface = result.surface
+    distance = np.where(np.asarray(surface.valid), np.asarray(surface.range, np.float64), np.nan)
+    if light == "camera":
+        return front_frames(given.photo.rgb8(), np.log(distance), label=f"r = {{:.4g}} {given.settings.unit}")
+    return front_frames(given.photo.rgb8(), distance, label="z = {:.4g}", logarithmic=False)
 
 
 def _residual(given: Input, result: Reconstruction, light: Literal["camera", "distant"]):

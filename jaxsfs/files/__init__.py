@@ -7,6 +7,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 _HOME = {
+    "_animations": ("write_animation",),
     "_atomic": ("InputError", "output_folder", "read_bytes", "write_bytes"),
     "_maps": ("read_map", "write_png", "write_tiff"),
     "_meshes": ("write_mesh",),
@@ -18,6 +19,7 @@ _HOME = {
 _MODULE_OF = {name: f"jaxsfs.files.{module}" for module, names in _HOME.items() for name in names}
 
 if TYPE_CHECKING:  # what the table says, for editors and type checkers
+    from jaxsfs.files._animations import write_animation as write_animation
     from jaxsfs.files._atomic import InputError as InputError
     from jaxsfs.files._atomic import output_folder as output_folder
     from jaxsfs.files._atomic import read_bytes as read_bytes
