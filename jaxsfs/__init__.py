@@ -66,6 +66,7 @@ _HOME = {
     "jaxsfs.irradiance": ("Irradiance",),
     "jaxsfs.lights": ("Light", "Lights", "lights_from_dict", "lights_to_dict", "shade_lights"),
     "jaxsfs.surface": ("Surface",),
+    "jaxsfs.implicit": ("log_range",),
     "jaxsfs.initial": ("Curve", "Deadline", "SingularPoint", "SummitHeights", "Threshold"),
     "jaxsfs.reconstruction": ("Reconstruction", "Statistics", "Status", "reconstruct", "residual_map", "scaled_to"),
     "jaxsfs.rendering": ("photograph", "render", "render_distant", "render_lights", "shade", "shade_distant"),
@@ -183,6 +184,9 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.files import (
         write_camera as write_camera,
+    )
+    from jaxsfs.implicit import (
+        log_range as log_range,
     )
     from jaxsfs.initial import (
         Curve as Curve,

@@ -127,7 +127,8 @@ def irradiance_of(
     used, outside, no_ray, too_bright, black_pixels = (int(count) for count in counts)
     if not used:
         raise ValueError(_nothing_left_message(outside, no_ray, too_bright, black_pixels))
-    report = PhotoReport(height * width, used, outside, no_ray, too_bright, black_pixels, float(values.max()))
+    largest = float(jax.lax.stop_gradient(values).max())  # a report is no part of what is differentiated
+    report = PhotoReport(height * width, used, outside, no_ray, too_bright, black_pixels, largest)
     return Irradiance(values, kinds == 0), report
 
 

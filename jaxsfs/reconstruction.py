@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsfs.camera import AbstractCamera, AbstractCentralCamera, Orthographic
 from jaxsfs.forms import Scalar
+from jaxsfs.implicit import solve
 from jaxsfs.initial import AbstractInitial, Deadline, SingularPoint
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.levelset import propagate
@@ -107,6 +108,10 @@ def reconstruct(
     surface is convex or hollow there cannot be told from the image: `concave=True` takes the given points as the
     farthest ones instead, z → −z.
 
+    The surface's range can be differentiated, forward (`jax.jvp`) and in reverse (`jax.grad`), by irradiance, albedo,
+    and the parameters of camera and reflectance, by the implicit function theorem at the solution of the sweeps
+    (`solver="sweeping"`); not inside `jax.jit`, which `log_range` is made for.
+
     Raises ValueError for sizes that do not match, a light that does not fit the camera, no valid pixel, an initial
     curve that the brightness contradicts.
     """
@@ -127,8 +132,8 @@ def reconstruct(
         )
         w, reached, work, change = arrival.w, arrival.reached, arrival.steps, 0.0
     elif solver == "sweeping":
-        sweeps = sweep(shading, metric, inside, known, order=order, **_stopping(dtype, steps))
-        w, reached, work, change = sweeps.w, sweeps.reached, sweeps.rounds, float(sweeps.change)
+        sweeps = solve(shading, metric, inside, known, order=order, **_stopping(dtype, steps))
+        w, reached, work, change = sweeps.w, sweeps.reached, sweeps.rounds, float(_held(sweeps.change))
     else:
         raise ValueError(f"solver must be 'sweeping' or 'level-set', got {solver!r}")
 
@@ -242,7 +247,7 @@ def _stopping(dtype, steps: int | None) -> dict[str, float | int]:
 
 
 def _residual(surface: Surface, irradiance: Irradiance, albedo, reflectance, light) -> tuple[float, float]:
-    misfit, ok = _misfit(surface, irradiance, albedo, reflectance, light == "distant")
+    misfit, ok = _misfit(*_held((surface, irradiance, albedo, reflectance)), light == "distant")
     values = np.asarray(misfit)[np.asarray(ok)]
     return (float(values.mean()), float(np.percentile(values, 95))) if values.size else (float("nan"), float("nan"))
 
@@ -274,6 +279,11 @@ def _too_small(irradiance: Irradiance, camera, albedo: Scalar, inside: Mask) -> 
     surface = Surface(camera, jnp.ones_like(irradiance.values), nothing)
     statistics = Statistics(0, int(jnp.sum(inside)), 0, "rounds", 0.0, float("nan"), float("nan"))
     return Reconstruction(surface, irradiance, statistics, albedo, status=Status.FEW_PIXELS)
+
+
+def _held(tree):
+    """`tree` as plain values, also while it is differentiated: for what is decided and reported on the host."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
 
 @jax.jit

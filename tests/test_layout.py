@@ -13,6 +13,7 @@ LAYERS = (
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading"),
     ("geometry", "levelset", "sweeping", "initial", "lights"),
+    ("implicit",),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
     ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation"),
     ("files", "convert", "target", "report", "estimation", "measuring"),

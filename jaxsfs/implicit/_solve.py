@@ -1,0 +1,110 @@
+"""The static solution with derivatives in both modes."""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jaxsfs.implicit._causal import Causal
+from jaxsfs.implicit._stencil import Stencil, Upwind, find_stencil, misfit, upwind_values
+from jaxsfs.shading import AbstractShading
+from jaxsfs.sweeping import _HUGE, Sweeps, power_for, sweep
+
+Image = Float[Array, "height width"]
+Mask = Bool[Array, "height width"]
+
+
+class _Settings(NamedTuple):
+    order: int
+    max_rounds: int
+    tolerance: float
+
+
+@partial(jax.jit, static_argnames=("order", "max_rounds", "tolerance"))
+def solve(
+    shading: AbstractShading,
+    inverse_metric: Float[Array, "height width 2 2"],
+    inside: Mask,
+    known: Image,
+    *,
+    order: int = 2,
+    max_rounds: int = 40,
+    tolerance: float = 1e-6,
+) -> Sweeps:
+    """`sweep`, with derivatives of w by `shading`, `inverse_metric` and `known` in forward and reverse mode.
+
+    They are those of the discrete equations that hold at the solution (implicit function theorem), with each pixel's
+    stencil as it is. Pixels outside `inside` and those no front reached have derivative 0.
+    """
+    return Sweeps(*_solution(shading, inverse_metric, inside, known, _Settings(order, max_rounds, tolerance)))
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(4,))
+def _solution(shading: AbstractShading, metric, inside: Mask, known: Image, settings: _Settings):
+    """w, reached, rounds and change of `sweep`."""
+    found = sweep(shading, metric, inside, known, **settings._asdict())
+    return found.w, found.reached, found.rounds, found.change
+
+
+@_solution.defjvp
+def _solution_jvp(settings: _Settings, primals, tangents):
+    shading, metric, inside, known = primals
+    shading_dot, metric_dot, _, known_dot = tangents
+    found = w, reached, rounds, change = _solution(shading, metric, inside, known, settings)
+    second = settings.order == 2
+    given = inside & jnp.isfinite(known)
+    p = power_for(shading, settings.order)
+    # values that stand in where there is no equation: finite in every derivative
+    v = shading.lift(jnp.where(reached, w, 0), p)
+    metric = jnp.where(reached[..., None, None], metric, jnp.eye(2, dtype=metric.dtype)[None, None])
+    metric_dot = jnp.where(reached[..., None, None], metric_dot, 0)
+    top = jnp.where(given, known, shading.deadline())
+    due = w >= top - 8 * jnp.finfo(w.dtype).eps * jnp.maximum(1, jnp.abs(w))
+    data = jnp.where(reached, v, _HUGE)
+    once = partial(_once, never=rounds < 0)
+    stencil = once(find_stencil(data, shading, metric, p, reached & ~given & ~due, second))
+    held, upwind = once((v, upwind_values(data, stencil, _HUGE)))
+    causal, slope = once(_linearised(held, upwind, stencil, shading, metric, p, second))
+
+    def by_parameters(shading, metric, known):
+        p = jnp.asarray(power_for(shading, settings.order), w.dtype)
+        unsolved = misfit(held, upwind, stencil, shading, metric, p, second) / -slope
+        bound = jnp.where(given, known, shading.deadline())
+        fixed = shading.lift(jnp.where(reached & ~stencil.active, bound, 0), p)
+        return jnp.where(stencil.active, unsolved, jnp.where(reached, fixed, 0)), p
+
+    known = jnp.where(given, known, 0)
+    known_dot = jnp.where(given, known_dot, 0)
+    (_, p), (b, p_dot) = jax.jvp(by_parameters, (shading, metric, known), (shading_dot, metric_dot, known_dot))
+    v_dot = jax.lax.custom_linear_solve(
+        causal.apply,
+        b,
+        solve=lambda _, side: causal.solve(side),
+        transpose_solve=lambda _, side: causal.solve_transposed(side),
+    )
+    _, w_dot = jax.jvp(shading.lower, (v, p), (v_dot, p_dot))
+    no_reached, no_rounds = (np.zeros(x.shape, jax.dtypes.float0) for x in (reached, rounds))
+    return found, (jnp.where(reached, w_dot, 0), no_reached, no_rounds, jnp.zeros_like(change))
+
+
+def _once(tree, never: Bool[Array, ""]):
+    """`tree`, computed once. Left alone, XLA computes it again in every loop that reads it (five times the time of the
+    whole derivative on a CPU), and it removes barriers before it fuses; it does not look through a branch."""
+    return jax.lax.cond(never, lambda t: jax.tree.map(jnp.zeros_like, t), lambda t: t, tree)
+
+
+def _linearised(
+    v: Image, upwind: Upwind, stencil: Stencil, shading: AbstractShading, metric, p, second: bool
+) -> tuple[Causal, Image]:
+    """C and ∂F/∂v."""
+    active = stencil.active
+
+    def summed(v, upwind):
+        return jnp.sum(jnp.where(active, misfit(v, upwind, stencil, shading, metric, p, second), 0))
+
+    slope, by_upwind = jax.grad(summed, argnums=(0, 1))(v, upwind)
+    slope = jnp.where(active, slope, 1)
+    return Causal(stencil, jax.tree.map(lambda x: jnp.where(active, -x / slope, 0), by_upwind)), slope

@@ -1,0 +1,168 @@
+"""Which pixels each value of a static solution came from, and the equation that it obeys there."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int8
+
+from jaxsfs.forms import Scalar
+from jaxsfs.shading import AbstractShading
+from jaxsfs.sweeping import _HUGE, _PAD, _from_edge, _from_triangle, _one_sided
+
+Image = Float[Array, "height width"]
+Mask = Bool[Array, "height width"]
+
+# (rows, columns) to the row that a sweep reads, by the sweep's direction (see `sweeping.sweep`)
+STEPS = ((1, 0), (-1, 0), (0, 1), (0, -1))
+NO_DIRECTION = -1
+
+
+class Stencil(eqx.Module):
+    """`direction` of the sweep that set a pixel (−1: its value is given), `side` (−1, 1) of the diagonal neighbour, and
+    which of the two edges are `straight` and `diagonal` used: both make a triangle."""
+
+    direction: Int8[Array, "height width"]
+    side: Int8[Array, "height width"]
+    straight: Mask
+    diagonal: Mask
+
+    @property
+    def active(self) -> Mask:
+        """Pixels whose value came from others."""
+        return self.direction != NO_DIRECTION
+
+
+class Upwind(eqx.Module):
+    """Values one (`near`) and two (`far`) pixels along the straight and the diagonal edge of each pixel's stencil."""
+
+    straight_near: Image
+    straight_far: Image
+    diagonal_near: Image
+    diagonal_far: Image
+
+
+def find_stencil(v: Image, shading: AbstractShading, metric, p: Scalar, free: Mask, second: bool) -> Stencil:
+    """The stencil whose update gives each value of `v`; none where not `free`."""
+    balance = shading.balance(v, p)
+    padded = jnp.pad(v, _PAD, constant_values=_HUGE)
+
+    def compare(direction, best):
+        value, kind = _best_update(padded, v.shape, metric, balance, direction, second)
+        gap, code = best
+        closer = jnp.abs(value - v) < gap
+        kind = jnp.int8(len(_KINDS)) * direction.astype(jnp.int8) + kind
+        return jnp.where(closer, jnp.abs(value - v), gap), jnp.where(closer, kind, code)
+
+    start = jnp.full(v.shape, jnp.inf, v.dtype), jnp.full(v.shape, NO_DIRECTION, jnp.int8)
+    gap, code = jax.lax.fori_loop(0, len(STEPS), compare, start)
+    found = free & (gap < 0.1 * _HUGE)
+    direction, kind = code // jnp.int8(len(_KINDS)), code % jnp.int8(len(_KINDS))
+    side, straight, diagonal = (jnp.asarray(column)[kind] for column in zip(*_KINDS, strict=True))
+    direction = jnp.where(found, direction, jnp.int8(NO_DIRECTION))
+    return Stencil(direction, side.astype(jnp.int8), found & straight, found & diagonal)
+
+
+# side, whether the straight edge is used, whether the diagonal one is; in the sweep's order of comparison
+_KINDS = ((-1, True, False), (-1, False, True), (-1, True, True), (1, False, True), (1, True, True))
+
+
+def _best_update(padded, shape, metric, balance, direction, second: bool):
+    """The smallest value that the sweep in `direction` offers to every pixel, and which of `_KINDS` gave it."""
+    g11, g12, g22 = _frame(metric, direction)
+    determinant = g11 * g22 - g12 * g12
+
+    def neighbour(back, shift):
+        along = jnp.where(direction % 2 == 1, -back, back)
+        offset = jnp.where(direction < 2, jnp.stack([along, shift]), jnp.stack([shift, along]))
+        return jax.lax.dynamic_slice(padded, offset + _PAD, shape)
+
+    straight = _one_sided(neighbour, 0, second)
+    offers = [_from_edge(straight, determinant / g11, balance)]
+    for side in (-1, 1):
+        diagonal = _one_sided(neighbour, side, second)
+        h11, h12 = _oblique(g11, g12, g22, side)
+        offers.append(_from_edge(diagonal, determinant / h11, balance))
+        offers.append(_from_triangle(straight, diagonal, h11, h12, g11, balance))
+    value, kind = offers[0], jnp.zeros(shape, jnp.int8)
+    for k, offer in enumerate(offers[1:], 1):
+        kind = jnp.where(offer < value, jnp.int8(k), kind)
+        value = jnp.minimum(offer, value)
+    return value, kind
+
+
+def upwind_values(v: Image, stencil: Stencil, fill: float) -> Upwind:
+    """The values that each pixel's stencil reads; `fill` beyond the image and where there is no stencil."""
+    padded = jnp.pad(v, _PAD, constant_values=fill)
+    straight = [jnp.full_like(v, fill)] * 2
+    diagonal = [jnp.full_like(v, fill)] * 2
+    for direction in range(len(STEPS)):
+        mine = stencil.direction == direction
+        for reach in (1, 2):
+            value = _at(padded, _offset(direction, reach, 0), v.shape)
+            straight[reach - 1] = jnp.where(mine, value, straight[reach - 1])
+            for side in (-1, 1):
+                value = _at(padded, _offset(direction, reach, reach * side), v.shape)
+                diagonal[reach - 1] = jnp.where(mine & (stencil.side == side), value, diagonal[reach - 1])
+    return Upwind(straight[0], straight[1], diagonal[0], diagonal[1])
+
+
+def misfit(
+    v: Image, upwind: Upwind, stencil: Stencil, shading: AbstractShading, metric, p: Scalar, second: bool
+) -> Image:
+    """F = Σ h^{kl} D_k D_l + square·v² + linear·v − constant over each pixel's stencil, 0 at the solution."""
+    h11, h12, h22 = _weights(metric, stencil)
+    d1 = _difference(v, upwind.straight_near, upwind.straight_far, stencil.straight, second)
+    d2 = _difference(v, upwind.diagonal_near, upwind.diagonal_far, stencil.diagonal, second)
+    balance = shading.balance(v, p)
+    steepness = h11 * d1 * d1 + 2 * h12 * d1 * d2 + h22 * d2 * d2
+    return steepness + balance.square * v * v + balance.linear * v - balance.constant
+
+
+def _difference(v: Image, near: Image, far: Image, used: Mask, second: bool) -> Image:
+    """a (v − m) along one edge; what is not used has values that no derivative stumbles over."""
+    near = jnp.where(used, near, v - 1)
+    far = jnp.where(used & (far < 0.5 * _HUGE), far, near)
+    a, m, _ = _one_sided(lambda back, shift: (v, near, far)[back], 0, second)
+    return jnp.where(used, a * (v - m), 0)
+
+
+def _weights(metric, stencil: Stencil) -> tuple[Image, Image, Image]:
+    """h^{kl} in the basis of the stencil's edges; an edge alone counts with what is normal to the other one."""
+    g11, g12, g22 = _frame(metric, stencil.direction)
+    determinant = g11 * g22 - g12 * g12
+    h11, h12 = _oblique(g11, g12, g22, stencil.side.astype(g11.dtype))
+    both = stencil.straight & stencil.diagonal
+    return (
+        jnp.where(both, h11, determinant / g11),
+        jnp.where(both, h12, 0),
+        jnp.where(both, g11, determinant / h11),
+    )
+
+
+def _frame(metric, direction) -> tuple[Image, Image, Image]:
+    """(g across the sweep, mixed, along it) as the sweep in `direction` (per image, or per pixel) sees it."""
+    g11, g12, g22 = metric[..., 0, 0], metric[..., 0, 1], metric[..., 1, 1]
+    return (
+        jnp.where(direction < 2, g11, g22),
+        jnp.where(direction % 2 == 1, g12, -g12),
+        jnp.where(direction < 2, g22, g11),
+    )
+
+
+def _oblique(g11, g12, g22, side):
+    """h^{11}, h^{12} in the basis e₁ = (0, −1), e₂ = (side, −1)."""
+    return g22 + 2 * side * g12 + g11, -side * g12 - g11
+
+
+def _offset(direction: int, back: int, shift: int) -> tuple[int, int]:
+    """(rows, columns) of the neighbour `back` rows upstream and `shift` to the side."""
+    down, right = STEPS[direction]
+    return (down * back, shift) if direction < 2 else (shift, right * back)
+
+
+def _at(padded: Float[Array, "high wide"], offset: tuple[int, int], shape: tuple[int, ...]) -> Image:
+    return jax.lax.slice(
+        padded,
+        (_PAD + offset[0], _PAD + offset[1]),
+        (_PAD + offset[0] + shape[0], _PAD + offset[1] + shape[1]),
+    )
