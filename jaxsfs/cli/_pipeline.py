@@ -28,6 +28,7 @@ _NOT_TRUSTWORTHY = 3
 def run(options: ReconstructOptions) -> int:
     """Reconstructs as the options say, writes the folder of results, prints a summary; the exit code."""
     start = time.perf_counter()
+    files.check_formats(options.also)
     with files.output_folder(options.out, force=options.force) as folder:
         progress(f"reading {options.image}")
         given = read(options)
@@ -37,6 +38,7 @@ def run(options: ReconstructOptions) -> int:
         files.write_surface(folder, result.surface, given.photo.rgb8(), given.settings.unit)
         record = _record(options, given, result, prepared, refinement)
         files.write_json(folder / "result.json", record)
+        files.write_also(folder, result.surface, given.photo.rgb8(), record, options.also)
         if options.animate and bool(result.surface.valid.any()):
             progress(f"drawing front.{options.animate}")
             files.write_animation(folder / f"front.{options.animate}", fronts(given, result, options.light))

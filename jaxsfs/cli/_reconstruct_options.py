@@ -9,6 +9,7 @@ from tyro.conf import Positional
 from jaxsfs.cli._options import value
 from jaxsfs.cli._settings import numbers
 from jaxsfs.cli._terminal import CannotRun
+from jaxsfs.files._formats import Format
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,6 +69,9 @@ class ReconstructOptions:
     lights: Annotated[Path | None, value("FILE", default="none")] = None
     # Bits of the floating-point numbers.
     precision: Literal[32, 64] = 32
+    # Further formats: mesh.stl; mesh.obj with the photograph as texture; range.pfm and depth.pfm; range.png of 16 bits
+    # with its scale in range.json; surface.npz; range.exr (needs the extra exr).
+    also: Annotated[tuple[Format, ...], value("stl|obj|pfm|…")] = ()
     # Write front.gif or front.mp4 as well: the front of constant range advances over the photograph.
     animate: Annotated[Literal["gif", "mp4"] | None, value("gif|mp4", default="none")] = None
     # Leave report.html out: the page with pictures, maps and a mesh to turn.

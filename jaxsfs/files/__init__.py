@@ -7,10 +7,14 @@ import importlib
 from typing import TYPE_CHECKING
 
 _HOME = {
+    "_also": ("check_formats", "write_also"),
     "_animations": ("write_animation",),
     "_atomic": ("InputError", "output_folder", "read_bytes", "write_bytes"),
     "_maps": ("read_map", "write_png", "write_tiff"),
     "_meshes": ("write_mesh",),
+    "_formats": ("Format",),
+    "_more_maps": ("write_exr", "write_pfm", "write_png16"),
+    "_more_meshes": ("write_obj", "write_stl"),
     "_photo": ("Photo", "read_image", "read_mask"),
     "_records": ("read_camera", "read_json", "read_lights", "write_camera", "write_json"),
     "_result": ("StoredResult", "read_result"),
@@ -19,15 +23,23 @@ _HOME = {
 _MODULE_OF = {name: f"jaxsfs.files.{module}" for module, names in _HOME.items() for name in names}
 
 if TYPE_CHECKING:  # what the table says, for editors and type checkers
+    from jaxsfs.files._also import check_formats as check_formats
+    from jaxsfs.files._also import write_also as write_also
     from jaxsfs.files._animations import write_animation as write_animation
     from jaxsfs.files._atomic import InputError as InputError
     from jaxsfs.files._atomic import output_folder as output_folder
     from jaxsfs.files._atomic import read_bytes as read_bytes
     from jaxsfs.files._atomic import write_bytes as write_bytes
+    from jaxsfs.files._formats import Format as Format
     from jaxsfs.files._maps import read_map as read_map
     from jaxsfs.files._maps import write_png as write_png
     from jaxsfs.files._maps import write_tiff as write_tiff
     from jaxsfs.files._meshes import write_mesh as write_mesh
+    from jaxsfs.files._more_maps import write_exr as write_exr
+    from jaxsfs.files._more_maps import write_pfm as write_pfm
+    from jaxsfs.files._more_maps import write_png16 as write_png16
+    from jaxsfs.files._more_meshes import write_obj as write_obj
+    from jaxsfs.files._more_meshes import write_stl as write_stl
     from jaxsfs.files._photo import Photo as Photo
     from jaxsfs.files._photo import read_image as read_image
     from jaxsfs.files._photo import read_mask as read_mask

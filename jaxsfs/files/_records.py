@@ -30,7 +30,7 @@ def read_json(path: str | Path) -> dict[str, Any]:
 
 def write_json(path: str | Path, record: Mapping[str, Any], *, force: bool = False) -> None:
     """`record` as indented JSON with sorted keys; arrays become lists, NaN and infinity become null (JSON has none)."""
-    text = json.dumps(_plain(record), indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(plain(record), indent=2, sort_keys=True, allow_nan=False, ensure_ascii=False)
     write_bytes(path, (text + "\n").encode(), force=force)
 
 
@@ -57,13 +57,14 @@ def write_camera(path: str | Path, camera: AbstractCamera | CameraFile, *, force
     write_json(path, camera_to_dict(camera), force=force)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """`value` as JSON has it: arrays as lists, NaN and infinity as None. Raises ValueError for other objects."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
+        return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic | jax.Array):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [plain(entry) for entry in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):
