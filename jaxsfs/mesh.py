@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, UInt8
 
-from jaxsfs.geometry import geometry
+from jaxsfs.geometry import Geometry, geometry
 from jaxsfs.surface import Surface
 
 # An edge below the largest grazing angle is still cut when it is this much steeper than both edges that continue it…
@@ -20,6 +20,7 @@ def mesh_from_surface(
     cut: Bool[np.ndarray, "height width"] | None = None,
     max_grazing_deg: float | int = 85.0,
     step: int = 1,
+    space: Geometry | None = None,
 ) -> trimesh.Trimesh:
     """The triangle mesh of `surface`: two triangles for each square of four valid pixels, one where three are valid.
 
@@ -34,8 +35,9 @@ def mesh_from_surface(
     Vertices: camera frame (x right, y down, z forward), unit of the surface's range, only those that a triangle uses,
     in row order. Faces turn counter-clockwise seen from the camera: normals point towards it. `colours`: RGB per pixel
     (height, width, 3). `step`: only every so many-th row and column, for a lighter mesh. `vertex_attributes["pixel"]`:
-    the (u, v) of each vertex. Fewer than three usable pixels give a mesh without faces. Raises ValueError for arrays
-    of another size than the surface's, for an angle outside (0, 90) and for a step below 1.
+    the (u, v) of each vertex. `space`: the surface's geometry, where it is known already. Fewer than three usable
+    pixels give a mesh without faces. Raises ValueError for arrays of another size than the surface's, for an angle
+    outside (0, 90) and for a step below 1.
     """
     if step < 1:
         raise ValueError(f"step must be 1 or more pixels, got {step}")
@@ -45,7 +47,7 @@ def mesh_from_surface(
     for name, array in (("colours", colours), ("cut", cut)):
         if array is not None and array.shape[:2] != valid.shape:
             raise ValueError(f"{name} must be {valid.shape} pixels like the surface, got {array.shape[:2]}")
-    space = geometry(surface)
+    space = geometry(surface) if space is None else space
     points = space.points
     usable = valid & np.isfinite(points).all(axis=-1)
     if cut is not None:

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
-from jaxsfs.geometry import geometry
+from jaxsfs.geometry import Geometry, geometry
 from jaxsfs.surface import Surface
 
 _NO_DATA = 96  # grey level: occurs in neither picture's important range
@@ -31,13 +31,13 @@ def depth_picture(
     return np.where(usable[..., None], coloured, np.uint8(_NO_DATA))
 
 
-def shaded_picture(surface: Surface) -> UInt8[np.ndarray, "height width 3"]:
+def shaded_picture(surface: Surface, space: Geometry | None = None) -> UInt8[np.ndarray, "height width 3"]:
     """The surface as matte white plaster under a distant oblique light: (½ + ½ n·l)², n the normal, l to the light.
 
     A light at the camera would repeat the photograph; from the side, relief shows. The halved cosine keeps slopes
-    that face away from the light readable.
+    that face away from the light readable. `space`: the surface's geometry, where it is known already.
     """
-    space = geometry(surface)
+    space = geometry(surface) if space is None else space
     light = _TO_LIGHT / np.linalg.norm(_TO_LIGHT)
     usable = space.has_normal & np.isfinite(space.normals).all(axis=-1)
     cosine = np.where(usable[..., None], space.normals, 0) @ light

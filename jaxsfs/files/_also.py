@@ -45,7 +45,7 @@ def write_also(
     distance = np.where(valid, np.asarray(surface.range), np.nan).astype(np.float32)
     depth = np.where(valid, space.points[..., 2], np.nan).astype(np.float32)
     if "stl" in formats or "obj" in formats:
-        mesh = mesh_from_surface(surface)
+        mesh = mesh_from_surface(surface, space=space)
         if "stl" in formats:
             write_stl(folder / "mesh.stl", mesh, unit)
         if "obj" in formats:

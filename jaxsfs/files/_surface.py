@@ -40,8 +40,8 @@ def write_surface(
         description=f"unit normals towards the camera, {frame}, NaN where there is none",
     )
     write_png(folder / "mask.png", valid)
-    mesh = mesh_from_surface(surface, photo_rgb)
+    mesh = mesh_from_surface(surface, photo_rgb, space=space)
     write_mesh(folder / "mesh.ply", mesh, unit)
     write_mesh(folder / "mesh.glb", mesh, unit)
     write_png(folder / "depth.png", depth_picture(depth, valid))
-    write_png(folder / "shaded.png", shaded_picture(surface))
+    write_png(folder / "shaded.png", shaded_picture(surface, space))

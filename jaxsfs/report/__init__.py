@@ -16,8 +16,7 @@ _MODULE_OF = {
 if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.report._calibration import calibration_page as calibration_page
     from jaxsfs.report._reconstruction import reconstruction_page as reconstruction_page
-    from jaxsfs.report._white import white_page as white_page
-    from jaxsfs.report._white import white_summary as white_summary
+    from jaxsfs.report._white import white_page as white_page, white_summary as white_summary
 
 
 def __getattr__(name: str) -> object:

@@ -12,8 +12,17 @@ from jaxsfs.preparation import Preparation
 from jaxsfs.reconstruction import Reconstruction
 from jaxsfs.report._fronts import fronts_panel
 from jaxsfs.report._page import code, heading, page, paragraph, table
-from jaxsfs.report._panels import colour_panel, grid, legend, map_panel, panel, photograph_panel, png, stride
-from jaxsfs.report._panels import image as picture
+from jaxsfs.report._panels import (
+    colour_panel,
+    grid,
+    image as picture,
+    legend,
+    map_panel,
+    panel,
+    photograph_panel,
+    png,
+    stride,
+)
 from jaxsfs.report._scale import Scale, ends
 from jaxsfs.report._viewer import script, viewer
 
@@ -66,7 +75,7 @@ def reconstruction_page(
     parts = [
         paragraph(status["message"], "verdict" if status["trustworthy"] else "warning"),
         paragraph(_about_scale(unit)),
-        viewer(result.surface, photograph, scale, unit),
+        viewer(result.surface, photograph, scale, unit, space),
         grid(panels),
         heading("Figures"),
         table(_figures(record)),

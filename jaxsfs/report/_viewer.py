@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, UInt8
 
+from jaxsfs.geometry import Geometry
 from jaxsfs.mesh import mesh_from_surface
 from jaxsfs.report._scale import Scale
 from jaxsfs.surface import Surface
@@ -19,10 +20,10 @@ _LIFT = 0.5  # exponent of the photograph's brightness: the far end of a lumen m
 _HINT = "Drag turns, wheel or pinch zooms, shift-drag moves, double click resets. Click two points to measure."
 
 
-def viewer(surface: Surface, rgb: UInt8[np.ndarray, "height width 3"], scale: Scale, unit: str) -> str:
+def viewer(surface: Surface, rgb: UInt8[np.ndarray, "height width 3"], scale: Scale, unit: str, space: Geometry) -> str:
     """The surface as a mesh of at most 150 000 triangles, with a choice of colours. Distances are in `unit`."""
     step = max(1, int(np.ceil(np.sqrt(2 * np.asarray(surface.valid).sum() / _MOST_TRIANGLES))))
-    mesh = mesh_from_surface(surface, step=step)
+    mesh = mesh_from_surface(surface, step=step, space=space)
     if not len(mesh.faces):
         return "<p>There is no surface to turn.</p>"
     at = mesh.vertex_attributes["pixel"]
