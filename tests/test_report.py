@@ -107,6 +107,13 @@ def test_a_map_is_transparent_where_there_is_no_data_and_near_is_yellow(small):
     assert (blue[far] > red[far]).all()
 
 
+def test_the_mask_s_legend_counts_all_pixels(small):
+    shares = re.findall(r"</i>(used|left out)[^<]*: ([\d.]+)%", small)
+    assert [name for name, _ in shares] == ["used", "left out"]
+    assert 60 < float(shares[0][1]) < 100
+    assert sum(float(share) for _, share in shares) == pytest.approx(100, abs=0.02)
+
+
 def test_the_lines_lie_at_their_range(small):
     distance = wavy(SMALL)
     paths = re.findall(r'<path stroke="#[0-9a-f]{6}" d="([^"]+)"', small)

@@ -116,7 +116,7 @@ def _mask_panel(prepared: Preparation, photograph: UInt8[np.ndarray, "height wid
     marks = (~usable, usable & ~used, prepared.highlights & used, prepared.measured & used, prepared.filled & used)
     step = stride(*used.shape)
     shown = photograph[::step, ::step].astype(np.float32)
-    rows = []
+    rows = [("transparent", f"used: {used.mean():.2%}")]
     for (colour, words), mark in zip(_KINDS, marks, strict=True):
         ink = np.frombuffer(bytes.fromhex(colour[1:]), np.uint8)
         shown = np.where(mark[::step, ::step, None], (1 - _VEIL) * shown + _VEIL * ink, shown)

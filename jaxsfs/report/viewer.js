@@ -95,7 +95,7 @@ function viewer(element) {
   const canvas = element.querySelector("canvas"), gl = canvas.getContext("webgl2", { antialias: true });
   if (!gl) return void (element.querySelector(".reading").textContent = "This browser has no WebGL 2; open mesh.glb instead.");
   const mesh = readMesh(element), { centre, radius } = mesh.about, made = program(gl);
-  const home = () => ({ rotation: START, away: (1.02 * radius) / Math.sin(Math.atan(HALF_FIELD)), shift: [0, 0] });
+  const home = () => ({ rotation: START, away: (1.1 * radius) / Math.sin(Math.atan(HALF_FIELD)), shift: [0, 0] });
   let view = home(), waiting = false;
   feed(gl, made, "position", mesh.position, false);
   feed(gl, made, "normal", mesh.normal, false);
