@@ -68,7 +68,9 @@ _HOME = {
     "jaxsfs.surface": ("Surface",),
     "jaxsfs.implicit": ("log_range",),
     "jaxsfs.initial": ("Curve", "Deadline", "SingularPoint", "SummitHeights", "Threshold"),
-    "jaxsfs.reconstruction": ("Reconstruction", "Statistics", "Status", "reconstruct", "residual_map", "scaled_to"),
+    "jaxsfs.occlusion": ("find_occlusions",),
+    "jaxsfs.reconstruction": ("Reconstruction", "reconstruct", "residual_map", "scaled_to"),
+    "jaxsfs.status": ("Statistics", "Status"),
     "jaxsfs.rendering": ("photograph", "render", "render_distant", "render_lights", "shade", "shade_distant"),
     "jaxsfs.photo": ("PhotoReport", "irradiance_of"),
     "jaxsfs.refinement": ("Refinement", "RefinementStatus", "refine"),
@@ -100,89 +102,41 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.camera import (
         AbstractCamera as AbstractCamera,
-    )
-    from jaxsfs.camera import (
         AbstractCentralCamera as AbstractCentralCamera,
-    )
-    from jaxsfs.camera import (
         CameraFile as CameraFile,
-    )
-    from jaxsfs.camera import (
         Equidistant as Equidistant,
-    )
-    from jaxsfs.camera import (
         Equisolid as Equisolid,
-    )
-    from jaxsfs.camera import (
         KannalaBrandt as KannalaBrandt,
-    )
-    from jaxsfs.camera import (
         Orthographic as Orthographic,
-    )
-    from jaxsfs.camera import (
         Perspective as Perspective,
-    )
-    from jaxsfs.camera import (
         Scaramuzza as Scaramuzza,
-    )
-    from jaxsfs.camera import (
         Spherical as Spherical,
-    )
-    from jaxsfs.camera import (
         Stereographic as Stereographic,
-    )
-    from jaxsfs.camera import (
         camera_from_dict as camera_from_dict,
-    )
-    from jaxsfs.camera import (
         camera_to_dict as camera_to_dict,
-    )
-    from jaxsfs.camera import (
         perspective_like as perspective_like,
-    )
-    from jaxsfs.camera import (
         rectification_map as rectification_map,
     )
     from jaxsfs.convert import (
         export_camera as export_camera,
-    )
-    from jaxsfs.convert import (
         import_camera as import_camera,
     )
     from jaxsfs.evaluation import (
         Evaluation as Evaluation,
-    )
-    from jaxsfs.evaluation import (
         evaluate as evaluate,
     )
     from jaxsfs.field import (
         FieldMask as FieldMask,
-    )
-    from jaxsfs.field import (
         find_field as find_field,
     )
     from jaxsfs.files import (
         InputError as InputError,
-    )
-    from jaxsfs.files import (
         read_camera as read_camera,
-    )
-    from jaxsfs.files import (
         read_image as read_image,
-    )
-    from jaxsfs.files import (
         read_lights as read_lights,
-    )
-    from jaxsfs.files import (
         read_map as read_map,
-    )
-    from jaxsfs.files import (
         read_mask as read_mask,
-    )
-    from jaxsfs.files import (
         read_result as read_result,
-    )
-    from jaxsfs.files import (
         write_camera as write_camera,
     )
     from jaxsfs.implicit import (
@@ -190,17 +144,9 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.initial import (
         Curve as Curve,
-    )
-    from jaxsfs.initial import (
         Deadline as Deadline,
-    )
-    from jaxsfs.initial import (
         SingularPoint as SingularPoint,
-    )
-    from jaxsfs.initial import (
         SummitHeights as SummitHeights,
-    )
-    from jaxsfs.initial import (
         Threshold as Threshold,
     )
     from jaxsfs.irradiance import (
@@ -208,141 +154,72 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.lights import (
         Light as Light,
-    )
-    from jaxsfs.lights import (
         Lights as Lights,
-    )
-    from jaxsfs.lights import (
         lights_from_dict as lights_from_dict,
-    )
-    from jaxsfs.lights import (
         lights_to_dict as lights_to_dict,
-    )
-    from jaxsfs.lights import (
         shade_lights as shade_lights,
     )
     from jaxsfs.measuring import (
         Area as Area,
-    )
-    from jaxsfs.measuring import (
         Length as Length,
-    )
-    from jaxsfs.measuring import (
         measure_area as measure_area,
-    )
-    from jaxsfs.measuring import (
         measure_length as measure_length,
     )
     from jaxsfs.mesh import (
         mesh_from_surface as mesh_from_surface,
     )
+    from jaxsfs.occlusion import find_occlusions as find_occlusions
     from jaxsfs.photo import (
         PhotoReport as PhotoReport,
-    )
-    from jaxsfs.photo import (
         irradiance_of as irradiance_of,
     )
     from jaxsfs.photometry import (
         AbstractFalloff as AbstractFalloff,
-    )
-    from jaxsfs.photometry import (
         AbstractResponse as AbstractResponse,
-    )
-    from jaxsfs.photometry import (
         CosineFalloff as CosineFalloff,
-    )
-    from jaxsfs.photometry import (
         ExponentialFalloff as ExponentialFalloff,
-    )
-    from jaxsfs.photometry import (
         GammaResponse as GammaResponse,
-    )
-    from jaxsfs.photometry import (
         LinearResponse as LinearResponse,
-    )
-    from jaxsfs.photometry import (
         NoFalloff as NoFalloff,
-    )
-    from jaxsfs.photometry import (
         SRGBResponse as SRGBResponse,
-    )
-    from jaxsfs.photometry import (
         parse_falloff as parse_falloff,
-    )
-    from jaxsfs.photometry import (
         parse_response as parse_response,
     )
     from jaxsfs.pictures import (
         depth_picture as depth_picture,
-    )
-    from jaxsfs.pictures import (
         shaded_picture as shaded_picture,
     )
     from jaxsfs.reconstruction import (
         Reconstruction as Reconstruction,
-    )
-    from jaxsfs.reconstruction import (
-        Statistics as Statistics,
-    )
-    from jaxsfs.reconstruction import (
-        Status as Status,
-    )
-    from jaxsfs.reconstruction import (
         reconstruct as reconstruct,
-    )
-    from jaxsfs.reconstruction import (
         residual_map as residual_map,
-    )
-    from jaxsfs.reconstruction import (
         scaled_to as scaled_to,
     )
     from jaxsfs.refinement import (
         Refinement as Refinement,
-    )
-    from jaxsfs.refinement import (
         RefinementStatus as RefinementStatus,
-    )
-    from jaxsfs.refinement import (
         refine as refine,
     )
     from jaxsfs.reflectance import (
         AbstractReflectance as AbstractReflectance,
-    )
-    from jaxsfs.reflectance import (
         BlinnPhong as BlinnPhong,
-    )
-    from jaxsfs.reflectance import (
         Lambertian as Lambertian,
-    )
-    from jaxsfs.reflectance import (
         OrenNayar as OrenNayar,
-    )
-    from jaxsfs.reflectance import (
         Phong as Phong,
-    )
-    from jaxsfs.reflectance import (
         Power as Power,
-    )
-    from jaxsfs.reflectance import (
         parse_reflectance as parse_reflectance,
     )
     from jaxsfs.rendering import (
         photograph as photograph,
-    )
-    from jaxsfs.rendering import (
         render as render,
-    )
-    from jaxsfs.rendering import (
         render_distant as render_distant,
-    )
-    from jaxsfs.rendering import (
         render_lights as render_lights,
-    )
-    from jaxsfs.rendering import (
         shade as shade,
-    )
-    from jaxsfs.rendering import (
         shade_distant as shade_distant,
+    )
+    from jaxsfs.status import (
+        Statistics as Statistics,
+        Status as Status,
     )
     from jaxsfs.surface import (
         Surface as Surface,

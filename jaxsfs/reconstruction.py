@@ -1,8 +1,7 @@
 """Irradiance → Surface: sets up the one equation, lets a solver run, and says how far the result can be trusted."""
 
-import enum
 from functools import partial
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,8 +15,11 @@ from jaxsfs.implicit import solve
 from jaxsfs.initial import AbstractInitial, Deadline, SingularPoint
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.levelset import propagate
+from jaxsfs.occlusion import find_occlusions
 from jaxsfs.reflectance import AbstractReflectance, Lambertian
-from jaxsfs.shading import AbstractShading, DistantLight, distant_light, light_at_camera
+from jaxsfs.rim import find_rim, limited_at_rim
+from jaxsfs.shading import AbstractShading, DistantLight, LightAtCamera, distant_light, light_at_camera
+from jaxsfs.status import Statistics, Status, status_of
 from jaxsfs.surface import Surface
 from jaxsfs.sweeping import sweep
 from jaxsfs.upwind import offsets_for
@@ -26,59 +28,17 @@ Image = Float[Array, "height width"]
 Mask = Bool[Array, "height width"]
 
 
-class Status(enum.Enum):
-    """What became of a reconstruction. The value is the message: what happened and what to do."""
-
-    GOOD = "The surface is reconstructed and explains the image."
-    NOT_SETTLED = (
-        "The sweeps did not settle, as happens on noisy images: smooth the image (--smooth 1 or more) or use order 1."
-    )
-    UNREACHED = (
-        "The front did not reach all valid pixels: they are left out. Give the initial curve a place in every part of "
-        "the mask, or let the level set take more steps."
-    )
-    UNEXPLAINED = (
-        "The surface does not explain the image (see the residual): check the camera, the response and the mask, and "
-        "look for highlights, noise and occlusions."
-    )
-    FEW_PIXELS = "Too few valid pixels for a surface: check the mask and the exposure."
-
-    @property
-    def trustworthy(self) -> bool:
-        """Whether the surface may be used without a second look."""
-        return self is Status.GOOD
-
-
-class Statistics(eqx.Module):
-    """Figures of a reconstruction.
-
-    `residual_mean`, `residual_p95`: |E_rerendered − E|/mean(E) over the valid pixels that have a normal. It tests the
-    solution of the equation, not the photometry: one image fits any response and fall-off.
-    """
-
-    valid_pixels: int
-    unreached_pixels: int
-    work: int
-    work_unit: str = eqx.field(static=True)
-    change: float
-    residual_mean: float
-    residual_p95: float
-
-    def as_dict(self) -> dict[str, float | int | str]:
-        """Plain numbers, by name."""
-        names = ("valid_pixels", "unreached_pixels", "change", "residual_mean", "residual_p95")
-        return {name: getattr(self, name) for name in names} | {self.work_unit: self.work}
-
-
 class Reconstruction(eqx.Module):
     """A surface, what it was made from, and what is to be thought of it.
 
     Lengths are in the unit of √(albedo/irradiance): scene units with albedo 1, millimetres with a calibrated
-    gain·albedo, or whatever `scaled_to` says.
+    gain·albedo, or whatever `scaled_to` says. `occlusions`: pixels of the contours across which nothing was read; they
+    have the range of the nearer side.
     """
 
     surface: Surface
     irradiance: Irradiance
+    occlusions: Mask
     statistics: Statistics
     albedo: Scalar
     status: Status = eqx.field(static=True)
@@ -96,6 +56,8 @@ def reconstruct(
     initial: AbstractInitial | None = None,
     concave: bool = False,
     steps: int | None = None,
+    occlusions: Literal["auto", "off"] | Mask = "auto",
+    rim: Literal["straight", "closed"] = "straight",
 ) -> Reconstruction:
     """The surface r(u, v) with E = ρ G(cos θ)/r², for one light at the projection centre of `camera`.
 
@@ -107,6 +69,11 @@ def reconstruct(
     singular points is data (`SummitHeights`) and the solution is the smallest that grows away from them. Whether the
     surface is convex or hollow there cannot be told from the image: `concave=True` takes the given points as the
     farthest ones instead, z → −z.
+
+    Near the light only: `occlusions`: pixels across which nothing is read, since range jumps there; "auto" finds them
+    in the image (see `find_occlusions`), "off" takes the surface for continuous. `rim`: what is assumed where the
+    nearest wall is cut off by the image's rim: that it is "straight" (see `limited_at_rim`), or nothing, so that it
+    faces the light there ("closed", state constraints).
 
     The surface's range can be differentiated, forward (`jax.jvp`) and in reverse (`jax.grad`), by irradiance, albedo,
     and the parameters of camera and reflectance, by the implicit function theorem at the solution of the sweeps
@@ -123,19 +90,18 @@ def reconstruct(
     known = initial.known(_mirrored(shading, concave), inside)
     if int(jnp.sum(inside)) < 4:
         return _too_small(irradiance, camera, albedo, inside)
+    contours = _contours(_held(irradiance), _held(inside), _held(known), _held(reflectance), light, occlusions)
+    open_part = inside & ~contours
+    if rim == "straight" and isinstance(shading, LightAtCamera):
+        shading = limited_at_rim(shading, metric, find_rim(*(np.asarray(_held(m)) for m in (inside, open_part))))
 
-    if solver == "level-set":
-        start, end = _time_span(shading, metric, inside, known)
-        offsets = offsets_for(metric, inside)
-        arrival = propagate(
-            shading, metric, inside, known, start, end, offsets=offsets, order=order, steps=steps or _steps(inside)
-        )
-        w, reached, work, change = arrival.w, arrival.reached, arrival.steps, 0.0
-    elif solver == "sweeping":
-        sweeps = solve(shading, metric, inside, known, order=order, **_stopping(dtype, steps))
-        w, reached, work, change = sweeps.w, sweeps.reached, sweeps.rounds, float(_held(sweeps.change))
-    else:
-        raise ValueError(f"solver must be 'sweeping' or 'level-set', got {solver!r}")
+    found = _solution(shading, metric, open_part, known, solver, order, steps)
+    w, reached = found.w, found.reached
+    if bool(jnp.any(contours)):
+        # nothing reads the contours' own pixels, but they read both sides: they get the nearer side's range
+        known = jnp.where(reached, w, known)
+        beside = _solution(shading, metric, inside, known, "sweeping", order, steps)
+        w, reached = beside.w, beside.reached
 
     distance = jnp.where(reached, shading.to_range(w), 1.0).astype(dtype)
     surface = Surface(camera, -distance if concave else distance, reached)
@@ -143,13 +109,14 @@ def reconstruct(
     statistics = Statistics(
         valid_pixels=int(jnp.sum(reached)),
         unreached_pixels=int(jnp.sum(inside & ~reached)),
-        work=int(work),
+        contour_pixels=int(jnp.sum(contours)),
+        work=found.work,
         work_unit="steps" if solver == "level-set" else "rounds",
-        change=change,
+        change=found.change,
         residual_mean=mean,
         residual_p95=p95,
     )
-    return Reconstruction(surface, irradiance, statistics, albedo, status=_status(statistics))
+    return Reconstruction(surface, irradiance, contours, statistics, albedo, status=status_of(statistics))
 
 
 def scaled_to(result: Reconstruction, pixel: tuple[Scalar, Scalar], distance: Scalar) -> Reconstruction:
@@ -217,6 +184,41 @@ def _shading(
     )
 
 
+class _Solution(NamedTuple):
+    w: Image
+    reached: Mask
+    work: int
+    change: float
+
+
+def _solution(shading, metric, inside: Mask, known: Image, solver: str, order, steps: int | None) -> _Solution:
+    """w by the chosen solver."""
+    if solver == "level-set":
+        start, end = _time_span(shading, metric, inside, known)
+        steps = steps or _steps(inside)
+        offsets = offsets_for(metric, inside)
+        arrival = propagate(shading, metric, inside, known, start, end, offsets=offsets, order=order, steps=steps)
+        return _Solution(arrival.w, arrival.reached, int(arrival.steps), 0.0)
+    if solver == "sweeping":
+        sweeps = solve(shading, metric, inside, known, order=order, **_stopping(known.dtype, steps))
+        return _Solution(sweeps.w, sweeps.reached, int(_held(sweeps.rounds)), float(_held(sweeps.change)))
+    raise ValueError(f"solver must be 'sweeping' or 'level-set', got {solver!r}")
+
+
+def _contours(irradiance: Irradiance, inside: Mask, known: Image, reflectance, light: str, occlusions) -> Mask:
+    """Pixels of occluding contours, without those whose range is given."""
+    if isinstance(occlusions, str) and occlusions not in ("auto", "off"):
+        raise ValueError(f"occlusions must be 'auto', 'off' or a mask, got {occlusions!r}")
+    if light == "distant" or (isinstance(occlusions, str) and occlusions == "off"):
+        return jnp.zeros_like(inside)
+    if isinstance(occlusions, str):
+        exponent = float(reflectance.exponent())
+        occlusions = find_occlusions(np.asarray(irradiance.values), np.asarray(inside), exponent)
+    if occlusions.shape != inside.shape:
+        raise ValueError(f"the mask of occlusions has shape {occlusions.shape}, the image {inside.shape}")
+    return jnp.asarray(occlusions) & inside & ~jnp.isfinite(known)
+
+
 def _mirrored(shading: AbstractShading, concave: bool) -> AbstractShading:
     """For hollow surfaces the solver sees −z; only the way a range becomes w changes."""
     if not concave:
@@ -262,23 +264,11 @@ def _misfit(surface: Surface, irradiance: Irradiance, albedo, reflectance, dista
     return jnp.abs(expected - irradiance.values) / mean, ok
 
 
-def _status(statistics: Statistics) -> Status:
-    if statistics.valid_pixels < 16:
-        return Status.FEW_PIXELS
-    if statistics.change > 1e-5:
-        return Status.NOT_SETTLED
-    if statistics.unreached_pixels > 0.001 * statistics.valid_pixels:
-        return Status.UNREACHED
-    if not statistics.residual_mean < 0.2:
-        return Status.UNEXPLAINED
-    return Status.GOOD
-
-
 def _too_small(irradiance: Irradiance, camera, albedo: Scalar, inside: Mask) -> Reconstruction:
     nothing = jnp.zeros_like(inside)
     surface = Surface(camera, jnp.ones_like(irradiance.values), nothing)
-    statistics = Statistics(0, int(jnp.sum(inside)), 0, "rounds", 0.0, float("nan"), float("nan"))
-    return Reconstruction(surface, irradiance, statistics, albedo, status=Status.FEW_PIXELS)
+    statistics = Statistics(0, int(jnp.sum(inside)), 0, 0, "rounds", 0.0, float("nan"), float("nan"))
+    return Reconstruction(surface, irradiance, nothing, statistics, albedo, status=Status.FEW_PIXELS)
 
 
 def _held(tree):

@@ -85,10 +85,12 @@ class LightAtCamera(AbstractShading):
     """E = ρ G(cos θ)/r²: c = G⁻¹(e^{2w} E/ρ), so w = ln(r/unit) ≤ ½ ln(ρ/E) − ln unit (eq. 5).
 
     `bound` is that limit, the range of a surface that faces the light; meaningless where the image has no data.
-    `unit` is a length that makes w small numbers.
+    `limit` ≤ `bound` is the deadline: lower where more is known of the largest range. `unit` is a length that makes w
+    small numbers.
     """
 
     bound: Image
+    limit: Image
     reflectance: AbstractReflectance
     albedo: Scalar
     unit: Scalar
@@ -97,7 +99,7 @@ class LightAtCamera(AbstractShading):
         return self.reflectance.inverse(jnp.exp(2 * (w - self.bound)))
 
     def deadline(self) -> Image:
-        return self.bound
+        return self.limit
 
     def darkness(self) -> Image:
         return self.bound
@@ -206,7 +208,8 @@ def light_at_camera(
     """The shading of a near light; the unit is the range of the brightest pixel if it faces the light."""
     brightest = jnp.max(jnp.where(inside, irradiance, 0))
     relative = jnp.where(inside, irradiance / brightest, 1)
-    return LightAtCamera(-0.5 * jnp.log(relative), reflectance, albedo, jnp.sqrt(albedo / brightest))
+    bound = -0.5 * jnp.log(relative)
+    return LightAtCamera(bound, bound, reflectance, albedo, jnp.sqrt(albedo / brightest))
 
 
 def distant_light(irradiance: Image, albedo: Scalar, unit: Scalar) -> DistantLight:

@@ -12,10 +12,10 @@ LAYERS = (
     ("forms", "differences"),
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading"),
-    ("geometry", "levelset", "sweeping", "initial", "lights"),
+    ("geometry", "levelset", "sweeping", "initial", "lights", "occlusion", "rim", "status"),
     ("implicit",),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
-    ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation"),
+    ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation", "uncertainty"),
     ("files", "convert", "target", "report", "estimation", "measuring"),
     ("cli",),
 )

@@ -8,7 +8,8 @@ from analytic import as_image, scene
 from jaxsfs.camera import Orthographic, Perspective
 from jaxsfs.initial import Curve, Deadline, SingularPoint, SummitHeights, Threshold
 from jaxsfs.irradiance import Irradiance
-from jaxsfs.reconstruction import Status, reconstruct, scaled_to
+from jaxsfs.reconstruction import reconstruct, scaled_to
+from jaxsfs.status import Status
 
 SIZE = 65
 

@@ -17,11 +17,12 @@ import pytest
 from jaxsfs.camera import Spherical
 from jaxsfs.photometry import NoFalloff, SRGBResponse
 from jaxsfs.preparation import prepare
-from jaxsfs.reconstruction import Reconstruction, Statistics, Status, residual_map
+from jaxsfs.reconstruction import Reconstruction, residual_map
 from jaxsfs.rendering import photograph, render
 from jaxsfs.report import reconstruction_page
 from jaxsfs.report._fronts import front_levels
 from jaxsfs.report._scale import Scale, ends, round_step
+from jaxsfs.status import Statistics, Status
 from jaxsfs.surface import Surface
 
 CAMERA = Spherical(150.0, 159.5, 119.5, 320, 240)  # as many triangles as a page ever has
@@ -53,8 +54,15 @@ def page_of(camera: Spherical, distance, **more) -> str:
         settings = {"response": SRGBResponse(), "falloff": NoFalloff(), "weights": (0.2126, 0.7152, 0.0722)}
         rgb = np.repeat(grey[..., None], 3, axis=2) * np.array([1, 0.7, 0.6], np.float32)
         prepared = prepare(rgb, camera, specular="off", valid=np.asarray(light.valid), **settings)
-        statistics = Statistics(int(light.valid.sum()), 0, 3, "rounds", 0.0, 0.0, 0.0)
-        result = Reconstruction(surface, light, statistics, 0.8 * float(distance.min()) ** 2, status=Status.GOOD)
+        statistics = Statistics(int(light.valid.sum()), 0, 0, 3, "rounds", 0.0, 0.0, 0.0)
+        result = Reconstruction(
+            surface,
+            light,
+            jnp.zeros_like(light.valid),
+            statistics,
+            0.8 * float(distance.min()) ** 2,
+            status=Status.GOOD,
+        )
         shown = np.round(255 * rgb).astype(np.uint8)
         return reconstruction_page(result, prepared, shown, RECORD, residual=residual_map(result), **more)
 
@@ -151,8 +159,8 @@ def test_a_result_not_to_be_trusted_is_a_warning():
         weights=(1.0, 0.0, 0.0),
         specular="off",
     )
-    statistics = Statistics(0, 9, 0, "rounds", 0.0, float("nan"), float("nan"))
-    result = Reconstruction(surface, light, statistics, 1.0, status=Status.FEW_PIXELS)
+    statistics = Statistics(0, 9, 0, 0, "rounds", 0.0, float("nan"), float("nan"))
+    result = Reconstruction(surface, light, jnp.zeros_like(light.valid), statistics, 1.0, status=Status.FEW_PIXELS)
     photo = np.zeros((96, 128, 3), np.uint8)
     text = reconstruction_page(result, prepared, photo, record, residual=np.full((96, 128), np.nan))
     assert '<p class="warning">Take care.</p>' in text

@@ -8,8 +8,9 @@ from analytic import SURFACES, as_image, scene
 from jaxsfs.camera import Perspective
 from jaxsfs.initial import Curve
 from jaxsfs.irradiance import Irradiance
-from jaxsfs.reconstruction import Status, reconstruct
+from jaxsfs.reconstruction import reconstruct
 from jaxsfs.reflectance import BlinnPhong, Lambertian, OrenNayar, Power
+from jaxsfs.status import Status
 
 LAMBERTIAN = Lambertian()
 OTHERS = {"power": Power(0.65), "oren-nayar": OrenNayar(0.3), "blinn-phong": BlinnPhong(0.4, 8.0)}
@@ -94,7 +95,7 @@ def test_perspective_camera_solves_the_same_plane():
         assert np.mean(np.abs(np.asarray(result.surface.range) * z - 1)) < 1e-3
 
 
-def test_known_range_on_the_rim_removes_the_border_error():
+def test_rim_of_a_tube_is_given_or_taken_for_straight():
     """Looking down a tube the nearest wall is at the rim, where state constraints read too far (design §3)."""
     size, half = 129, 60.0
     camera, _, _, mask = scene("plane", size, half)
@@ -103,12 +104,16 @@ def test_known_range_on_the_rim_removes_the_border_error():
     inside = mask & (sine > 0.35)
     distance = 1 / np.maximum(sine, 0.05)
     image = Irradiance(as_image(sine / distance**2, inside), jnp.asarray(inside))
-    free = reconstruct(image, camera)
+    free = reconstruct(image, camera, rim="closed")
     rim = inside & (sine > np.sin(np.deg2rad(half)) - 0.02)
     known = reconstruct(image, camera, initial=Curve(jnp.asarray(rim), 1 / np.sin(np.deg2rad(half - 0.6))))
-    errors = [np.mean(np.abs(np.asarray(r.surface.range) / distance - 1)[inside]) for r in (free, known)]
+    errors = [
+        np.mean(np.abs(np.asarray(r.surface.range) / distance - 1)[inside])
+        for r in (free, known, reconstruct(image, camera))
+    ]
     assert errors[0] > 0.02
     assert errors[1] < 0.01
+    assert errors[2] < 0.015, "a straight wall is what the rim assumes"
 
 
 @pytest.mark.parametrize("solver", ["sweeping", "level-set"])

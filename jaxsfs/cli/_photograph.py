@@ -72,8 +72,7 @@ def _check(options: PhotographOptions) -> None:
 
 
 def _write(options: PhotographOptions) -> int:
-    from data_synth.targets import Studio
-    from data_synth.targets import photograph as take
+    from data_synth.targets import Studio, photograph as take
     from jaxsfs import files
     from jaxsfs.calibration import tilted
     from jaxsfs.camera import Spherical, camera_to_dict

@@ -23,33 +23,28 @@ _HOME = {
 _MODULE_OF = {name: f"jaxsfs.files.{module}" for module, names in _HOME.items() for name in names}
 
 if TYPE_CHECKING:  # what the table says, for editors and type checkers
-    from jaxsfs.files._also import check_formats as check_formats
-    from jaxsfs.files._also import write_also as write_also
+    from jaxsfs.files._also import check_formats as check_formats, write_also as write_also
     from jaxsfs.files._animations import write_animation as write_animation
-    from jaxsfs.files._atomic import InputError as InputError
-    from jaxsfs.files._atomic import output_folder as output_folder
-    from jaxsfs.files._atomic import read_bytes as read_bytes
-    from jaxsfs.files._atomic import write_bytes as write_bytes
+    from jaxsfs.files._atomic import (
+        InputError as InputError,
+        output_folder as output_folder,
+        read_bytes as read_bytes,
+        write_bytes as write_bytes,
+    )
     from jaxsfs.files._formats import Format as Format
-    from jaxsfs.files._maps import read_map as read_map
-    from jaxsfs.files._maps import write_png as write_png
-    from jaxsfs.files._maps import write_tiff as write_tiff
+    from jaxsfs.files._maps import read_map as read_map, write_png as write_png, write_tiff as write_tiff
     from jaxsfs.files._meshes import write_mesh as write_mesh
-    from jaxsfs.files._more_maps import write_exr as write_exr
-    from jaxsfs.files._more_maps import write_pfm as write_pfm
-    from jaxsfs.files._more_maps import write_png16 as write_png16
-    from jaxsfs.files._more_meshes import write_obj as write_obj
-    from jaxsfs.files._more_meshes import write_stl as write_stl
-    from jaxsfs.files._photo import Photo as Photo
-    from jaxsfs.files._photo import read_image as read_image
-    from jaxsfs.files._photo import read_mask as read_mask
-    from jaxsfs.files._records import read_camera as read_camera
-    from jaxsfs.files._records import read_json as read_json
-    from jaxsfs.files._records import read_lights as read_lights
-    from jaxsfs.files._records import write_camera as write_camera
-    from jaxsfs.files._records import write_json as write_json
-    from jaxsfs.files._result import StoredResult as StoredResult
-    from jaxsfs.files._result import read_result as read_result
+    from jaxsfs.files._more_maps import write_exr as write_exr, write_pfm as write_pfm, write_png16 as write_png16
+    from jaxsfs.files._more_meshes import write_obj as write_obj, write_stl as write_stl
+    from jaxsfs.files._photo import Photo as Photo, read_image as read_image, read_mask as read_mask
+    from jaxsfs.files._records import (
+        read_camera as read_camera,
+        read_json as read_json,
+        read_lights as read_lights,
+        write_camera as write_camera,
+        write_json as write_json,
+    )
+    from jaxsfs.files._result import StoredResult as StoredResult, read_result as read_result
     from jaxsfs.files._surface import write_surface as write_surface
 
 
