@@ -118,7 +118,7 @@ def irradiance_of(
     wanted = np.ones((height, width), bool) if valid is None else valid
     limit = math.inf if clip_limit is None else clip_limit
     marked = np.zeros((height, width), bool) if clipped is None else clipped
-    kernel = None if smooth_px == 0 else jnp.asarray(_gaussian(float(smooth_px)), dtype)
+    kernel = gaussian_kernel(float(smooth_px), dtype)
     scalars = jax.tree.map(lambda x: jnp.asarray(x, dtype), (tuple(weights), limit, black))
     values, kinds = _irradiance(
         jnp.asarray(photo, dtype), jnp.asarray(wanted), jnp.asarray(marked), camera, response, falloff, kernel, *scalars
@@ -151,8 +151,7 @@ def _irradiance(photo, wanted, marked, camera, response, falloff, kernel, weight
     usable = kinds == 0
     linear = jnp.where(usable, linear, 0)
     if kernel is not None:
-        weight = jnp.where(usable, _blurred(usable.astype(photo.dtype), kernel), 1)
-        linear = jnp.where(usable, _blurred(linear, kernel) / weight, 0)
+        linear = smoothed_within(linear, usable, kernel)
     vignette = falloff(camera.rays(photo.dtype)[..., 2])
     # a fall-off that reaches 0 has no light to divide by
     lit = usable & (vignette > 0)
@@ -160,11 +159,24 @@ def _irradiance(photo, wanted, marked, camera, response, falloff, kernel, weight
     return values, jnp.where(usable & ~lit, jnp.array(2, kinds.dtype), kinds)
 
 
-def _gaussian(sigma: float) -> np.ndarray:
-    """Odd kernel of sum 1 to four standard deviations."""
+def gaussian_kernel(sigma: float, dtype: jnp.dtype) -> Float[Array, " taps"] | None:
+    """Odd kernel of sum 1 to four standard deviations of `sigma` px; None for 0."""
+    if sigma == 0:
+        return None
     reach = max(1, math.ceil(4 * sigma))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    return kernel / kernel.sum()
+    return jnp.asarray(kernel / kernel.sum(), dtype)
+
+
+def smoothed_within(
+    image: Float[Array, "height width"], mask: Bool[Array, "height width"], kernel: Float[Array, " taps"] | None
+) -> Float[Array, "height width"]:
+    """`image` smoothed by `kernel` both ways among the pixels of `mask`, 0 elsewhere; others give nothing."""
+    inside = jnp.where(mask, image, 0)
+    if kernel is None:
+        return inside
+    weight = jnp.where(mask, _blurred(mask.astype(image.dtype), kernel), 1)
+    return jnp.where(mask, _blurred(inside, kernel) / weight, 0)
 
 
 def _blurred(image: Float[Array, "height width"], kernel: Float[Array, " taps"]) -> Float[Array, "height width"]:

@@ -15,7 +15,7 @@ LAYERS = (
     ("geometry", "levelset", "sweeping", "initial", "lights", "occlusion", "rim", "status"),
     ("implicit",),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
-    ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation", "uncertainty"),
+    ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation", "uncertainty", "uncertainty"),
     ("files", "convert", "target", "report", "estimation", "measuring"),
     ("cli",),
 )

@@ -2,24 +2,25 @@
 
 import dataclasses
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from jaxsfs import files
-from jaxsfs.camera import camera_to_dict
+from jaxsfs.camera import AbstractCamera, camera_to_dict
 from jaxsfs.cli._reconstruct_input import Input, initial_form, read
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._reconstruct_report import fronts, report
 from jaxsfs.cli._settings import COMMAND_LINE, DEFAULT, Setting
 from jaxsfs.cli._summary import summary
 from jaxsfs.cli._terminal import command_line, progress, say, versions
+from jaxsfs.cli._uncertainty import range_sigma
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.lights import lights_to_dict
 from jaxsfs.photo import clipping_limit
 from jaxsfs.preparation import Preparation, prepare
-from jaxsfs.reconstruction import Reconstruction, scaled_to
-from jaxsfs.reconstruction import reconstruct as solve
+from jaxsfs.reconstruction import Reconstruction, reconstruct as solve, scaled_to
 from jaxsfs.refinement import Refinement, refine
 
 _NOT_TRUSTWORTHY = 3
@@ -33,17 +34,24 @@ def run(options: ReconstructOptions) -> int:
         progress(f"reading {options.image}")
         given = read(options)
         progress(f"solving {given.size[0]} x {given.size[1]} px")
-        result, prepared, refinement = _solved(options, given)
+        prepared = _prepared(options, given)
+        once = _solution(options, given, prepared)
+        result, refinement = _solved(given, prepared, once)
+        sigma, spread = None, None
+        if options.uncertainty and bool(result.surface.valid.any()):
+            progress("estimating the uncertainty")
+            by_sweeps = _solution(dataclasses.replace(options, solver="sweeping"), given, prepared)
+            sigma, spread = range_sigma(given, prepared, result, by_sweeps)
         progress(f"writing {options.out}")
-        files.write_surface(folder, result.surface, given.photo.rgb8(), given.settings.unit)
-        record = _record(options, given, result, prepared, refinement)
+        files.write_surface(folder, result.surface, given.photo.rgb8(), given.settings.unit, sigma)
+        record = _record(options, given, result, prepared, refinement) | {"uncertainty": spread}
         files.write_json(folder / "result.json", record)
         files.write_also(folder, result.surface, given.photo.rgb8(), record, options.also)
         if options.animate and bool(result.surface.valid.any()):
             progress(f"drawing front.{options.animate}")
             files.write_animation(folder / f"front.{options.animate}", fronts(given, result, options.light))
         if options.report:
-            page = report(given, result, prepared, record, options.light)
+            page = report(given, result, prepared, record, options.light, sigma)
             files.write_bytes(folder / "report.html", page.encode())
     if options.json:
         print((options.out / "result.json").read_text(encoding="utf-8"), end="")
@@ -53,11 +61,11 @@ def run(options: ReconstructOptions) -> int:
     return 0 if trustworthy else _NOT_TRUSTWORTHY
 
 
-def _solved(options: ReconstructOptions, given: Input) -> tuple[Reconstruction, Preparation, Refinement | None]:
-    settings, camera = given.settings, given.file.camera
-    prepared = prepare(
+def _prepared(options: ReconstructOptions, given: Input) -> Preparation:
+    settings = given.settings
+    return prepare(
         given.photo.values,
-        camera,
+        given.file.camera,
         valid=given.valid,
         specular=options.specular,
         blood=options.blood,
@@ -68,7 +76,12 @@ def _solved(options: ReconstructOptions, given: Input) -> tuple[Reconstruction, 
         clip_limit=clipping_limit(given.photo.dtype),
     )
 
-    def once(irradiance: Irradiance) -> Reconstruction:
+
+def _solution(options: ReconstructOptions, given: Input, prepared: Preparation):
+    """How a surface is found, as a function of irradiance and camera."""
+    settings = given.settings
+
+    def once(irradiance: Irradiance, camera: AbstractCamera = given.file.camera) -> Reconstruction:
         found = solve(
             irradiance,
             camera,
@@ -82,12 +95,18 @@ def _solved(options: ReconstructOptions, given: Input) -> tuple[Reconstruction, 
         )
         return found if given.known_range is None else scaled_to(found, *given.known_range)
 
+    return once
+
+
+def _solved(
+    given: Input, prepared: Preparation, once: Callable[[Irradiance], Reconstruction]
+) -> tuple[Reconstruction, Refinement | None]:
     result = once(prepared.irradiance)
     if given.lights is None:
-        return result, prepared, None
+        return result, None
     progress("refining for lights beside the lens")
-    refinement = refine(result, given.lights, reflectance=settings.parsed("reflectance"), again=once)
-    return refinement.result, prepared, refinement
+    refinement = refine(result, given.lights, reflectance=given.settings.parsed("reflectance"), again=once)
+    return refinement.result, refinement
 
 
 def _record(

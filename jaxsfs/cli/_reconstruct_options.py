@@ -67,6 +67,9 @@ class ReconstructOptions:
     # Lights beside the lens (JSON, mm): the surface is corrected for them. Needs the scale: --known-range, --albedo in
     # mm², or a calibrated gain_albedo in the camera file.
     lights: Annotated[Path | None, value("FILE", default="none")] = None
+    # Also write the 1 sigma map of the range, from the photograph's noise and the camera file's calibration covariance
+    # (range_sigma.tiff). Model error is not in it. Costs some twenty solutions.
+    uncertainty: bool = False
     # Bits of the floating-point numbers.
     precision: Literal[32, 64] = 32
     # Further formats: mesh.stl; mesh.obj with the photograph as texture; range.pfm and depth.pfm; range.png of 16 bits
@@ -89,6 +92,8 @@ class ReconstructOptions:
         self.smooth_px()
         if not 0 <= self.blood <= 2:
             raise CannotRun(f"--blood must lie between 0 and 2, got {self.blood:g}")
+        if self.uncertainty and self.light == "distant":
+            raise CannotRun("--uncertainty belongs to a light at the camera, not --light distant")
         self._check_light_options()
         if self.known_range is not None and not numbers("--known-range", self.known_range, "U,V,R")[2] > 0:
             raise CannotRun(f"--known-range needs a range R above 0, got {self.known_range!r}")

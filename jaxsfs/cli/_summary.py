@@ -17,6 +17,7 @@ def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
             f"{_number(lengths['nearest'])} to {_number(lengths['farthest'])} {unit}, "
             f"median {_number(lengths['median'])}",
         ),
+        *_uncertainty(record.get("uncertainty"), unit),
         ("pixels", f"{photo['used']} of {photo['pixels']} used ({', '.join(left_out)})"),
         ("highlights", _preparation(record["figures"]["preparation"])),
         (
@@ -40,6 +41,13 @@ def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
         rows.append((name, f"{_number(value)} ({origin})"))
     head = f"{folder}: {size['width']} x {size['height']} px in {seconds:.1f} s"
     return "\n".join([head, *(f"  {name:<12} {text}" for name, text in rows)])
+
+
+def _uncertainty(found: Mapping[str, Any] | None, unit: str) -> list[tuple[str, str]]:
+    if found is None or found["median"] is None:
+        return []
+    text = f"median {_number(found['median'])} {unit} ({found['relative_median']:.2%}); {found['statement']}"
+    return [("uncertainty", text)]
 
 
 def _preparation(figures: Mapping[str, Any]) -> str:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from jaxsfs.files._maps import write_png, write_tiff
 from jaxsfs.files._meshes import Unit, write_mesh
@@ -14,12 +14,17 @@ from jaxsfs.surface import Surface
 
 
 def write_surface(
-    folder: Path, surface: Surface, photo_rgb: UInt8[np.ndarray, "height width 3"] | None, unit: Unit
+    folder: Path,
+    surface: Surface,
+    photo_rgb: UInt8[np.ndarray, "height width 3"] | None,
+    unit: Unit,
+    sigma: Float[np.ndarray, "height width"] | None = None,
 ) -> None:
     """Writes what a reconstruction is, in its camera's frame (x right, y down, z forward) and in `unit`, to `folder`.
 
     range.tiff, depth.tiff (float32, NaN where invalid), normals.tiff (unit, towards the camera, NaN where there is
-    none), mask.png (255 where valid), mesh.ply, mesh.glb (coloured by `photo_rgb`), depth.png, shaded.png.
+    none), mask.png (255 where valid), mesh.ply, mesh.glb (coloured by `photo_rgb`), depth.png, shaded.png; with
+    `sigma`, 1σ of the range, range_sigma.tiff too.
     `folder` exists and has none of these: the folder that `output_folder` stages.
     """
     valid = np.asarray(surface.valid)
@@ -32,6 +37,13 @@ def write_surface(
         valid,
         description=f"range: distance from the projection centre, {unit}, NaN where invalid",
     )
+    if sigma is not None:
+        write_tiff(
+            folder / "range_sigma.tiff",
+            sigma,
+            valid,
+            description=f"1 sigma of range from noise and calibration, without model error, {unit}, NaN where unknown",
+        )
     write_tiff(folder / "depth.tiff", depth, valid, description=f"depth: z of the {frame}, {unit}, NaN where invalid")
     write_tiff(
         folder / "normals.tiff",
