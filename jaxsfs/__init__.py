@@ -75,6 +75,7 @@ _HOME = {
     "jaxsfs.photo": ("PhotoReport", "irradiance_of"),
     "jaxsfs.refinement": ("Refinement", "RefinementStatus", "refine"),
     "jaxsfs.field": ("FieldMask", "find_field"),
+    "jaxsfs.uncertainty": ("calibration_sigma", "irradiance_sigma", "lens_covariance", "moved_lens", "noise_sigma"),
     "jaxsfs.evaluation": ("Evaluation", "evaluate"),
     "jaxsfs.measuring": ("Area", "Length", "measure_area", "measure_length"),
     "jaxsfs.mesh": ("mesh_from_surface",),
@@ -223,6 +224,13 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
     from jaxsfs.surface import (
         Surface as Surface,
+    )
+    from jaxsfs.uncertainty import (
+        calibration_sigma as calibration_sigma,
+        irradiance_sigma as irradiance_sigma,
+        lens_covariance as lens_covariance,
+        moved_lens as moved_lens,
+        noise_sigma as noise_sigma,
     )
 
 

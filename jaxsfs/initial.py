@@ -7,6 +7,7 @@ curve the front started from.
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -52,7 +53,7 @@ class SingularPoint(AbstractInitial):
         if self.range is not None:
             w = shading.from_range(self.range)
         else:
-            w = 0.0 if isinstance(shading, DistantLight) else float(facing[v, u])
+            w = 0.0 if isinstance(shading, DistantLight) else facing[v, u]
         known = jnp.full(inside.shape, jnp.inf, facing.dtype).at[v, u].set(w)
         _require_possible(known, shading, inside, "the range of the singular point")
         return known
@@ -130,7 +131,7 @@ def _near_light_only(shading: AbstractShading, what: str) -> None:
 
 def _require_possible(known: Image, shading: AbstractShading, inside: Mask, what: str) -> None:
     """A known range may not lie beyond the range at which the pixel would face the light."""
-    excess = np.asarray(known - shading.deadline())[np.asarray(inside & jnp.isfinite(known))]
+    excess = np.asarray(jax.lax.stop_gradient(known - shading.deadline()))[np.asarray(inside & jnp.isfinite(known))]
     typical = float(np.median(excess))
     if typical > 0.02:
         raise ValueError(

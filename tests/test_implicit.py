@@ -129,6 +129,7 @@ def test_pixels_without_data_have_no_derivative_and_batches_agree():
     agree(jnp.sum(jnp.where(known, gradient * step, 0), axis=(1, 2)), (above - below) / 2)
 
 
+@pytest.mark.slow
 def test_gradients_go_through_photograph_and_reconstruction():
     camera = Spherical(27.0, 20.3, 15.8, WIDTH, HEIGHT)
     values, mask = view("ball", camera, Power(0.8))
@@ -152,6 +153,7 @@ def test_gradients_go_through_photograph_and_reconstruction():
     agree(jax.grad(mean)(q0), central_differences(mean, q0, 1e-5))
 
 
+@pytest.mark.slow
 def test_gradients_by_known_range_and_scale():
     camera = Spherical(27.0, 20.3, 15.8, WIDTH, HEIGHT)
     values, mask = view("ball", camera)

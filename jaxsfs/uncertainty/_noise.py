@@ -83,7 +83,7 @@ def noise_sigma(
     undisturbed = log_range(pilot)
     shift = jnp.zeros_like(undisturbed)
     for key in jax.random.split(for_solves, solves):
-        shift += (log_range(jnp.maximum(pilot + error(key), 0.1 * pilot)) - undisturbed) / solves
+        shift = shift + (log_range(jnp.maximum(pilot + error(key), 0.1 * pilot)) - undisturbed) / solves
     total = _mean_of_neighbours(variance, known) + _mean_of_neighbours(shift, known) ** 2
     return np.where(known, np.sqrt(np.asarray(total)), np.nan)
 
