@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsfs.camera import AbstractCamera
+from jaxsfs.differences import correlated
 from jaxsfs.forms import Scalar
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.photometry import AbstractFalloff, AbstractResponse, NoFalloff, SRGBResponse
@@ -180,11 +181,8 @@ def smoothed_within(
 
 
 def _blurred(image: Float[Array, "height width"], kernel: Float[Array, " taps"]) -> Float[Array, "height width"]:
-    """Separable convolution, zeros beyond the image."""
-    reach = kernel.size // 2
-    stacked = image[None, None]
-    down = jax.lax.conv_general_dilated(stacked, kernel.reshape(1, 1, -1, 1), (1, 1), [(reach, reach), (0, 0)])
-    return jax.lax.conv_general_dilated(down, kernel.reshape(1, 1, 1, -1), (1, 1), [(0, 0), (reach, reach)])[0, 0]
+    """Separable convolution with a symmetric kernel, zeros beyond the image."""
+    return correlated(correlated(image, kernel, 0), kernel, 1)
 
 
 def size_message(what: str, size: tuple[int, int], camera: AbstractCamera) -> str:
