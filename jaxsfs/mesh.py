@@ -1,8 +1,11 @@
 """Triangles from a surface: one vertex per pixel, cut open where one thing hides another."""
 
+from typing import NamedTuple
+
 import numpy as np
 import trimesh
 from jaxtyping import Bool, UInt8
+from scipy import ndimage
 
 from jaxsfs.geometry import Geometry, geometry
 from jaxsfs.surface import Surface
@@ -11,6 +14,13 @@ from jaxsfs.surface import Surface
 _STEEPER_THAN_NEIGHBOURS = 4.0
 # … and steeper than this on its own: a crease between gentle slopes is no occlusion.
 _STEEP_DEG = 70.0
+
+
+class _Grid(NamedTuple):
+    points: np.ndarray
+    rays: np.ndarray
+    usable: np.ndarray
+    contours: np.ndarray
 
 
 def mesh_from_surface(
@@ -30,7 +40,8 @@ def mesh_from_surface(
         tan θ = |e·m|/|e − (e·m) m|,   e the edge, m the mean ray (central camera: |Δ ln r| ≈ tan θ · pixel angle),
 
     or when θ > 70° and tan θ is over four times that of both edges that continue it in the same row or column (the
-    slope round it does not explain the jump). Triangles that touch a pixel of `cut` are left out as well.
+    slope round it does not explain the jump), or when θ > 70° and it leads from one of the surface's `contours` to
+    something farther. Triangles that touch a pixel of `cut` are left out as well.
 
     Vertices: camera frame (x right, y down, z forward), unit of the surface's range, only those that a triangle uses,
     in row order. Faces turn counter-clockwise seen from the camera: normals point towards it. `colours`: RGB per pixel
@@ -54,7 +65,10 @@ def mesh_from_surface(
         usable &= ~cut
     usable = usable[::step, ::step]
     points = np.where(usable[..., None], points[::step, ::step], 0)
-    faces = _faces(points, space.rays[::step, ::step], usable, np.tan(np.deg2rad(max_grazing_deg)))
+    contours = np.zeros_like(usable)
+    if surface.contours is not None:
+        contours = ndimage.maximum_filter(np.asarray(surface.contours), size=step)[::step, ::step]
+    faces = _faces(points, space.rays[::step, ::step], usable, contours, np.tan(np.deg2rad(max_grazing_deg)))
 
     used = np.zeros(usable.size, bool)
     used[faces.ravel()] = True
@@ -69,15 +83,16 @@ def mesh_from_surface(
     return mesh
 
 
-def _faces(points: np.ndarray, rays: np.ndarray, usable: np.ndarray, limit: float) -> np.ndarray:
+def _faces(points: np.ndarray, rays: np.ndarray, usable: np.ndarray, contours: np.ndarray, limit: float) -> np.ndarray:
     """(n, 3) pixel indices v·width + u. The corners of a square are a b in its upper row, c d in the lower one."""
     height, width = usable.shape
     if height < 2 or width < 2:
         return np.zeros((0, 3), np.int64)
-    across = _open_edges(_steepness(points, rays, usable, 0, 1), limit, axis=1)
-    down = _open_edges(_steepness(points, rays, usable, 1, 0), limit, axis=0)
-    a_d = _steepness(points, rays, usable, 1, 1)
-    b_c = _steepness(points[:, ::-1], rays[:, ::-1], usable[:, ::-1], 1, 1)[:, ::-1]
+    grid = _Grid(points, rays, usable, contours)
+    across = _open_edges(_steepness(grid, 0, 1), limit, axis=1)
+    down = _open_edges(_steepness(grid, 1, 0), limit, axis=0)
+    a_d = _steepness(grid, 1, 1)
+    b_c = _steepness(_Grid(*(field[:, ::-1] for field in grid)), 1, 1)[:, ::-1]
     upper, lower, left, right = across[:-1], across[1:], down[:, :-1], down[:, 1:]
     a = np.arange(height * width).reshape(height, width)[:-1, :-1]
     b, c, d = a + 1, a + width, a + width + 1
@@ -94,17 +109,21 @@ def _faces(points: np.ndarray, rays: np.ndarray, usable: np.ndarray, limit: floa
     return faces
 
 
-def _steepness(points: np.ndarray, rays: np.ndarray, usable: np.ndarray, dv: int, du: int) -> np.ndarray:
-    """tan θ of the edges from pixel (u, v) to (u + du, v + dv); ∞ where an end is unusable."""
+def _steepness(grid: _Grid, dv: int, du: int) -> np.ndarray:
+    """tan θ of the edges from pixel (u, v) to (u + du, v + dv); ∞ where an end is unusable, and where a steep edge
+    leaves a contour for something farther."""
+    points, rays, usable, contours = grid
     height, width = usable.shape
     near, far = (slice(0, height - dv), slice(0, width - du)), (slice(dv, height), slice(du, width))
     edge, ray = points[far] - points[near], rays[far] + rays[near]
     ok = usable[far] & usable[near]
-    along2 = np.einsum("...i,...i", edge, ray) ** 2
+    along = np.einsum("...i,...i", edge, ray)
     length2 = np.einsum("...i,...i", edge, edge) * np.einsum("...i,...i", ray, ray)
-    aside2 = np.maximum(length2 - along2, np.finfo(edge.dtype).tiny)
+    aside2 = np.maximum(length2 - along**2, np.finfo(edge.dtype).tiny)
     with np.errstate(over="ignore"):  # an edge along the ray is infinitely steep
-        return np.where(ok, np.sqrt(along2 / aside2), np.inf)
+        steepness = np.sqrt(along**2 / aside2)
+    leaves = np.where(along > 0, contours[near] & ~contours[far], contours[far] & ~contours[near])
+    return np.where(ok & ~(leaves & (steepness > np.tan(np.deg2rad(_STEEP_DEG)))), steepness, np.inf)
 
 
 def _open_edges(steepness: np.ndarray, limit: float, axis: int) -> np.ndarray:

@@ -2,10 +2,10 @@
 
 At the limb of a smooth body the surface turns away from the light: cos θ falls like the square root of the distance
 to the limb, so q = E^{2/a} (G = cos^a, r nearly constant) falls to zero in a straight line. A pixel is beside a limb
-where that line, drawn through the pixels before it, reaches zero within two pixels, while what follows is brighter: the
-picture goes on where the body cannot. A shadow line of a smooth wall levels out before it is dark, a concave crease
-falls in a straight line to something far from zero; neither is taken. (Brightness that vanishes at limbs: Horn &
-Brooks 1989, ch. 1; local solutions between cuts: Breuß et al. 2012.)
+where that line, drawn through the pixels before it, reaches zero within two pixels, while the picture goes on: what
+follows is brighter somewhere along the contour, and nowhere falls further. A shadow line of a smooth wall levels out
+before it is dark, a concave crease falls in a straight line to something far from zero; neither is taken.
+(Brightness that vanishes at limbs: Horn & Brooks 1989, ch. 1; local solutions between cuts: Breuß et al. 2012.)
 """
 
 import cv2
@@ -19,7 +19,7 @@ Mask = Bool[np.ndarray, "height width"]
 
 _SCALES = (1, 2, 4)  # px: blur and noise hide from one scale what a coarser one shows
 _REACH = 2.0  # px from a pixel to the zero of its line
-_WEAK, _STRONG = 0.1, 0.25  # ln q after over before: along a contour, and somewhere on it
+_WEAK, _STRONG = -1.0, 0.25  # ln q after over before: along a contour, and somewhere on it
 _SHORTEST = 8  # px: a shorter contour holds nothing back
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 _DISC = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _SCALES[-1] + 1,) * 2)
@@ -72,16 +72,19 @@ def _without_diagonal_gaps(line: Mask, q: Picture) -> Mask:
 
 
 def _limb_rise(q: Picture, valid: Mask) -> Picture:
-    """ln of q behind over q at the limb, the most of eight directions; 0 where there is no limb."""
-    rise = np.zeros_like(q)
+    """ln of q behind over q at the limb, the most of eight directions; −∞ where there is no limb."""
+    rise = np.full_like(q, -np.inf)
     floor = np.finfo(q.dtype).tiny
     for du, dv in _DIRECTIONS:
         for sign in (1, -1):
             steps = [_shifted(q, sign * n * du, sign * n * dv) for n in (-2, -1, 1, 2)]
-            farther, before, behind = steps[0], steps[1], np.maximum(steps[2], steps[3])
+            farther, before, next_one, one_after = steps
             slope = 0.5 * (farther - q)
-            limb = valid & (farther > before) & (before > q) & (q < _REACH * slope) & (behind > q)
-            rise = np.where(limb, np.maximum(rise, np.log(np.maximum(behind, floor) / np.maximum(q, floor))), rise)
+            ends = (farther > before) & (before > q) & (q < _REACH * slope)
+            # brighter behind, or at least no longer falling
+            goes_on = (np.maximum(next_one, one_after) > q) | (one_after > 0.9 * next_one)
+            log = np.log(np.maximum(np.maximum(next_one, one_after), floor) / np.maximum(q, floor))
+            rise = np.where(valid & ends & goes_on, np.maximum(rise, log), rise)
     return rise
 
 

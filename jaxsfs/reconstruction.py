@@ -1,7 +1,7 @@
 """Irradiance → Surface: sets up the one equation, lets a solver run, and says how far the result can be trusted."""
 
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import equinox as eqx
 import jax
@@ -11,18 +11,15 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsfs.camera import AbstractCamera, AbstractCentralCamera, Orthographic
 from jaxsfs.forms import Scalar
-from jaxsfs.implicit import solve
+from jaxsfs.front import front_over, held
 from jaxsfs.initial import AbstractInitial, Deadline, SingularPoint
 from jaxsfs.irradiance import Irradiance
-from jaxsfs.levelset import propagate
 from jaxsfs.occlusion import find_occlusions
 from jaxsfs.reflectance import AbstractReflectance, Lambertian
 from jaxsfs.rim import find_rim, limited_at_rim
 from jaxsfs.shading import AbstractShading, DistantLight, LightAtCamera, distant_light, light_at_camera
 from jaxsfs.status import Statistics, Status, status_of
 from jaxsfs.surface import Surface
-from jaxsfs.sweeping import sweep
-from jaxsfs.upwind import offsets_for
 
 Image = Float[Array, "height width"]
 Mask = Bool[Array, "height width"]
@@ -32,13 +29,11 @@ class Reconstruction(eqx.Module):
     """A surface, what it was made from, and what is to be thought of it.
 
     Lengths are in the unit of √(albedo/irradiance): scene units with albedo 1, millimetres with a calibrated
-    gain·albedo, or whatever `scaled_to` says. `occlusions`: pixels of the contours across which nothing was read; they
-    have the range of the nearer side.
+    gain·albedo, or whatever `scaled_to` says. `surface.contours`: pixels across which nothing was read.
     """
 
     surface: Surface
     irradiance: Irradiance
-    occlusions: Mask
     statistics: Statistics
     albedo: Scalar
     status: Status = eqx.field(static=True)
@@ -90,21 +85,16 @@ def reconstruct(
     known = initial.known(_mirrored(shading, concave), inside)
     if int(jnp.sum(inside)) < 4:
         return _too_small(irradiance, camera, albedo, inside)
-    contours = _contours(_held(irradiance), _held(inside), _held(known), _held(reflectance), light, occlusions)
-    open_part = inside & ~contours
+    contours = _contours(held(irradiance), held(inside), held(known), held(reflectance), light, occlusions)
     if rim == "straight" and isinstance(shading, LightAtCamera):
-        shading = limited_at_rim(shading, metric, find_rim(*(np.asarray(_held(m)) for m in (inside, open_part))))
+        rim_pixels = find_rim(*(np.asarray(held(mask)) for mask in (inside, inside & ~contours)))
+        shading = limited_at_rim(shading, metric, rim_pixels)
 
-    found = _solution(shading, metric, open_part, known, solver, order, steps)
+    found = front_over(shading, metric, inside, contours, known, solver=solver, order=order, steps=steps)
     w, reached = found.w, found.reached
-    if bool(jnp.any(contours)):
-        # nothing reads the contours' own pixels, but they read both sides: they get the nearer side's range
-        known = jnp.where(reached, w, known)
-        beside = _solution(shading, metric, inside, known, "sweeping", order, steps)
-        w, reached = beside.w, beside.reached
 
     distance = jnp.where(reached, shading.to_range(w), 1.0).astype(dtype)
-    surface = Surface(camera, -distance if concave else distance, reached)
+    surface = Surface(camera, -distance if concave else distance, reached, contours)
     mean, p95 = _residual(surface, irradiance, albedo, reflectance, light)
     statistics = Statistics(
         valid_pixels=int(jnp.sum(reached)),
@@ -116,7 +106,7 @@ def reconstruct(
         residual_mean=mean,
         residual_p95=p95,
     )
-    return Reconstruction(surface, irradiance, contours, statistics, albedo, status=status_of(statistics))
+    return Reconstruction(surface, irradiance, statistics, albedo, status=status_of(statistics))
 
 
 def scaled_to(result: Reconstruction, pixel: tuple[Scalar, Scalar], distance: Scalar) -> Reconstruction:
@@ -134,8 +124,9 @@ def scaled_to(result: Reconstruction, pixel: tuple[Scalar, Scalar], distance: Sc
     if not isinstance(surface.camera, AbstractCentralCamera):
         raise ValueError("a known range scales a near-light surface; with a distant light give heights instead")
     factor = distance / surface.range[v, u]
-    scaled = Surface(surface.camera, surface.range * factor, surface.valid)
-    return eqx.tree_at(lambda r: (r.surface, r.albedo), result, (scaled, result.albedo * factor**2))
+    return eqx.tree_at(
+        lambda r: (r.surface.range, r.albedo), result, (surface.range * factor, result.albedo * factor**2)
+    )
 
 
 def residual_map(
@@ -184,27 +175,6 @@ def _shading(
     )
 
 
-class _Solution(NamedTuple):
-    w: Image
-    reached: Mask
-    work: int
-    change: float
-
-
-def _solution(shading, metric, inside: Mask, known: Image, solver: str, order, steps: int | None) -> _Solution:
-    """w by the chosen solver."""
-    if solver == "level-set":
-        start, end = _time_span(shading, metric, inside, known)
-        steps = steps or _steps(inside)
-        offsets = offsets_for(metric, inside)
-        arrival = propagate(shading, metric, inside, known, start, end, offsets=offsets, order=order, steps=steps)
-        return _Solution(arrival.w, arrival.reached, int(arrival.steps), 0.0)
-    if solver == "sweeping":
-        sweeps = solve(shading, metric, inside, known, order=order, **_stopping(known.dtype, steps))
-        return _Solution(sweeps.w, sweeps.reached, int(_held(sweeps.rounds)), float(_held(sweeps.change)))
-    raise ValueError(f"solver must be 'sweeping' or 'level-set', got {solver!r}")
-
-
 def _contours(irradiance: Irradiance, inside: Mask, known: Image, reflectance, light: str, occlusions) -> Mask:
     """Pixels of occluding contours, without those whose range is given."""
     if isinstance(occlusions, str) and occlusions not in ("auto", "off"):
@@ -228,28 +198,8 @@ def _mirrored(shading: AbstractShading, concave: bool) -> AbstractShading:
     return eqx.tree_at(lambda s: s.unit, shading, -shading.unit)
 
 
-def _time_span(shading: AbstractShading, metric, inside: Mask, known: Image):
-    """First and last time of a front. Without deadlines the last one comes from a quick solution of first order."""
-    due = jnp.where(inside, jnp.minimum(shading.deadline(), known), jnp.inf)
-    latest = jnp.max(jnp.where(jnp.isfinite(due), due, -jnp.inf))
-    if not bool(jnp.all(jnp.isfinite(due) | ~inside)):
-        quick = sweep(shading, metric, inside, known, order=1)
-        latest = jnp.max(jnp.where(quick.reached, quick.w, -jnp.inf)) + 0.01
-    return jnp.min(due) - 1e-4, latest
-
-
-def _steps(inside: Mask) -> int:
-    """A front needs about one step a pixel it crosses; sources that start late cost more."""
-    return 4 * max(inside.shape)
-
-
-def _stopping(dtype, steps: int | None) -> dict[str, float | int]:
-    tolerance = 1e-6 if dtype == jnp.float32 else 1e-9
-    return {"tolerance": tolerance, "max_rounds": steps or (40 if dtype == jnp.float32 else 80)}
-
-
 def _residual(surface: Surface, irradiance: Irradiance, albedo, reflectance, light) -> tuple[float, float]:
-    misfit, ok = _misfit(*_held((surface, irradiance, albedo, reflectance)), light == "distant")
+    misfit, ok = _misfit(*held((surface, irradiance, albedo, reflectance)), light == "distant")
     values = np.asarray(misfit)[np.asarray(ok)]
     return (float(values.mean()), float(np.percentile(values, 95))) if values.size else (float("nan"), float("nan"))
 
@@ -266,14 +216,9 @@ def _misfit(surface: Surface, irradiance: Irradiance, albedo, reflectance, dista
 
 def _too_small(irradiance: Irradiance, camera, albedo: Scalar, inside: Mask) -> Reconstruction:
     nothing = jnp.zeros_like(inside)
-    surface = Surface(camera, jnp.ones_like(irradiance.values), nothing)
+    surface = Surface(camera, jnp.ones_like(irradiance.values), nothing, nothing)
     statistics = Statistics(0, int(jnp.sum(inside)), 0, 0, "rounds", 0.0, float("nan"), float("nan"))
-    return Reconstruction(surface, irradiance, nothing, statistics, albedo, status=Status.FEW_PIXELS)
-
-
-def _held(tree):
-    """`tree` as plain values, also while it is differentiated: for what is decided and reported on the host."""
-    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
+    return Reconstruction(surface, irradiance, statistics, albedo, status=Status.FEW_PIXELS)
 
 
 @jax.jit

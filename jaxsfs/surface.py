@@ -13,12 +13,14 @@ class Surface(eqx.Module):
     """r(u, v)·d(u, v): the surface that a camera sees, as `range` along each pixel's ray.
 
     `range` is in scene units (mm once the scale is known), NaN nowhere: read it where `valid`. For an orthographic
-    camera it is z.
+    camera it is z. `contours`: pixels of occluding contours, where known; they belong to the nearer side, and what is
+    farther is not connected with them. Differences do not read them.
     """
 
     camera: AbstractCamera
     range: Float[Array, "height width"]
     valid: Bool[Array, "height width"]
+    contours: Bool[Array, "height width"] | None = None
 
     def points(self) -> Float[Array, "height width 3"]:
         """Points in the camera frame (x right, y down, z forward), eq. (13); meaningless where not valid."""
@@ -36,11 +38,12 @@ class Surface(eqx.Module):
         which is smoother), the camera's part is exact.
         """
         safe = jnp.where(self.valid, self.range, 1)
+        smooth = self.valid if self.contours is None else self.valid & ~self.contours
         if isinstance(self.camera, AbstractCentralCamera):
-            slope, ok = masked_gradient(jnp.log(jnp.maximum(safe, 1e-30)), self.valid)
+            slope, ok = masked_gradient(jnp.log(jnp.maximum(safe, 1e-30)), smooth)
             gradient = safe[..., None] * slope
         else:
-            gradient, ok = masked_gradient(safe, self.valid)
+            gradient, ok = masked_gradient(safe, smooth)
 
         def normal(pixel, distance, slope):
             along_pixel, along_ray = jax.jacfwd(self.camera.point, argnums=(0, 1))(pixel, distance)

@@ -12,10 +12,11 @@ LAYERS = (
     ("forms", "differences"),
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading"),
-    ("geometry", "levelset", "sweeping", "initial", "lights", "occlusion", "rim", "status"),
+    ("geometry", "levelset", "sweeping", "initial", "lights", "occlusion", "rim", "status", "enclosed"),
     ("implicit",),
+    ("front",),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
-    ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation", "uncertainty", "uncertainty"),
+    ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation", "uncertainty"),
     ("files", "convert", "target", "report", "estimation", "measuring"),
     ("cli",),
 )

@@ -99,7 +99,7 @@ def test_the_page_says_what_was_done(small):
     assert "<td>albedo</td><td>1.5</td><td>camera file</td>" in small
     titles = re.findall(r"<h3>([^<]+)</h3>", small)
     assert titles == [
-        *("Photograph", "Irradiance", "Mask and clipped pixels", "Range", "Depth", "Normals"),
+        *("Photograph", "Irradiance", "Mask, clipped pixels, contours", "Range", "Depth", "Normals"),
         *("Fronts: contours of equal range", "Residual", "Uncertainty"),
     ]
 
@@ -160,7 +160,7 @@ def test_a_result_not_to_be_trusted_is_a_warning():
         specular="off",
     )
     statistics = Statistics(0, 9, 0, 0, "rounds", 0.0, float("nan"), float("nan"))
-    result = Reconstruction(surface, light, jnp.zeros_like(light.valid), statistics, 1.0, status=Status.FEW_PIXELS)
+    result = Reconstruction(surface, light, statistics, 1.0, status=Status.FEW_PIXELS)
     photo = np.zeros((96, 128, 3), np.uint8)
     text = reconstruction_page(result, prepared, photo, record, residual=np.full((96, 128), np.nan))
     assert '<p class="warning">Take care.</p>' in text

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxsfs import files
@@ -46,7 +47,7 @@ def run(options: ReconstructOptions) -> int:
         files.write_surface(folder, result.surface, given.photo.rgb8(), given.settings.unit, sigma)
         record = _record(options, given, result, prepared, refinement) | {"uncertainty": spread}
         files.write_json(folder / "result.json", record)
-        files.write_also(folder, result.surface, given.photo.rgb8(), record, options.also)
+        files.write_also(folder, result.surface, given.photo.rgb8(), record, options.also, sigma)
         if options.animate and bool(result.surface.valid.any()):
             progress(f"drawing front.{options.animate}")
             files.write_animation(folder / f"front.{options.animate}", fronts(given, result, options.light))
@@ -92,6 +93,8 @@ def _solution(options: ReconstructOptions, given: Input, prepared: Preparation):
             order=options.order,
             initial=given.initial,
             concave=options.concave,
+            occlusions=given.occlusions if isinstance(given.occlusions, str) else jnp.asarray(given.occlusions),
+            rim=options.rim,
         )
         return found if given.known_range is None else scaled_to(found, *given.known_range)
 
@@ -154,6 +157,8 @@ def _record(
             for name in (
                 "preset",
                 "specular",
+                "occlusions",
+                "rim",
                 "blood",
                 "light",
                 "solver",

@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -34,6 +35,7 @@ class Input:
     settings: Photometric
     smooth: Setting
     initial: AbstractInitial
+    occlusions: Bool[np.ndarray, "height width"] | Literal["auto", "off"]
     known_range: tuple[tuple[int, int], float] | None
     lights: Lights | None = None
     estimate: PhotometryEstimate | None = None
@@ -60,7 +62,8 @@ def read(options: ReconstructOptions) -> Input:
     )
     mask, origin = _mask(options, photo, settings.response.value)
     valid = photo.valid & mask
-    given = Input(file, photo, valid, origin, settings, _smooth(options, photo, valid), initial, known)
+    smooth, contours = _smooth(options, photo, valid), _occlusions(options.occlusions, photo)
+    given = Input(file, photo, valid, origin, settings, smooth, initial, contours, known)
     if options.lights is not None:
         _check_scale(options, settings)
         given = dataclasses.replace(given, lights=files.read_lights(options.lights))
@@ -116,6 +119,14 @@ def _mask(
     mask = files.read_mask(options.mask)
     check_mask_size(options.mask, mask.shape, (photo.valid.shape[1], photo.valid.shape[0]))
     return mask, Setting(f"{options.mask}, {mask.mean():.0%} of the image", COMMAND_LINE)
+
+
+def _occlusions(given: str, photo: files.Photo) -> Bool[np.ndarray, "height width"] | Literal["auto", "off"]:
+    if given == "auto" or given == "off":
+        return given
+    contours = files.read_mask(Path(given))
+    check_mask_size(Path(given), contours.shape, (photo.valid.shape[1], photo.valid.shape[0]))
+    return contours
 
 
 def _as_seen(linear: Float[np.ndarray, "height width *channels"]) -> Float[np.ndarray, "height width *channels"]:

@@ -27,6 +27,12 @@ class ReconstructOptions:
     solver: Literal["sweeping", "level-set"] = "sweeping"
     # Order of accuracy.
     order: Literal[1, 2] = 2
+    # Occluding contours, across which range jumps: auto finds them in the brightness; off takes the surface for
+    # continuous; or an image of the photograph's size, non-zero on the contours.
+    occlusions: Annotated[str, value("auto|off|FILE")] = "auto"
+    # Where the nearest wall is cut off by the rim of the picture: straight takes it for a straight wall, closed takes
+    # it to face the light there.
+    rim: Literal["straight", "closed"] = "straight"
     # What is known to begin with: deadline (nothing but the brightness), singular-point[:U,V[,RANGE]] (a
     # pixel that faces the light), threshold:E (where the irradiance is at least E), or
     # curve:MASK.png,RANGE (the range is known where MASK is not zero).
@@ -94,6 +100,8 @@ class ReconstructOptions:
             raise CannotRun(f"--blood must lie between 0 and 2, got {self.blood:g}")
         if self.uncertainty and self.light == "distant":
             raise CannotRun("--uncertainty belongs to a light at the camera, not --light distant")
+        if self.light == "distant" and self.occlusions not in ("auto", "off"):
+            raise CannotRun("--occlusions FILE belongs to a light at the camera, not --light distant")
         self._check_light_options()
         if self.known_range is not None and not numbers("--known-range", self.known_range, "U,V,R")[2] > 0:
             raise CannotRun(f"--known-range needs a range R above 0, got {self.known_range!r}")

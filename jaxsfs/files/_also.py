@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from jaxsfs.files._atomic import InputError, write_bytes
 from jaxsfs.files._formats import Format
@@ -31,12 +31,13 @@ def write_also(
     photo_rgb: UInt8[np.ndarray, "height width 3"],
     record: Mapping[str, Any],
     formats: Sequence[Format],
+    sigma: Float[np.ndarray, "height width"] | None = None,
 ) -> None:
     """Writes `surface` to `folder` in each of `formats`; `record` is result.json (unit, camera, status).
 
     stl: mesh.stl. obj: mesh.obj, mesh.mtl, mesh_texture.png. pfm: range.pfm, depth.pfm. png16: range.png and range.json
-    with its scale. npz: surface.npz with range, depth, normals (float32, NaN where there is none) and the record as
-    JSON; `read_result` reads it. exr: range.exr.
+    with its scale. npz: surface.npz with range, depth, normals, range_sigma if `sigma` is given (float32, NaN
+    where there is none), contours if they are known, and the record as JSON; `read_result` reads it. exr: range.exr.
     """
     if not formats:
         return
@@ -62,7 +63,12 @@ def write_also(
         normals = np.where(space.has_normal[..., None], space.normals, np.nan).astype(np.float32)
         buffer = io.BytesIO()
         text = json.dumps(plain(record), sort_keys=True)
-        np.savez_compressed(buffer, range=distance, depth=depth, normals=normals, record=np.array(text))
+        maps: dict[str, Any] = {"range": distance, "depth": depth, "normals": normals}
+        if sigma is not None:
+            maps["range_sigma"] = np.where(valid, sigma, np.nan).astype(np.float32)
+        if surface.contours is not None:
+            maps["contours"] = np.asarray(surface.contours)
+        np.savez_compressed(buffer, allow_pickle=False, **maps, record=np.array(text))
         write_bytes(folder / "surface.npz", buffer.getvalue())
 
 

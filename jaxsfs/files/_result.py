@@ -15,7 +15,7 @@ from jaxtyping import Float
 from jaxsfs.camera import camera_from_dict
 from jaxsfs.files._atomic import InputError, read_bytes
 from jaxsfs.files._meshes import Unit
-from jaxsfs.files._photo import _decode
+from jaxsfs.files._photo import _decode, read_mask
 from jaxsfs.files._records import read_json
 from jaxsfs.surface import Surface
 
@@ -51,7 +51,9 @@ def _from_folder(folder: Path) -> StoredResult:
     camera = record.get("camera", {}) if described.name == "result.json" else record
     distance, _ = _decode(folder / "range.tiff")
     sigma = _decode(folder / "range_sigma.tiff")[0] if (folder / "range_sigma.tiff").is_file() else None
-    return _stored(described, distance, camera, record.get("unit", "scene units"), sigma, record.get("status"))
+    contours = read_mask(folder / "contours.png") if (folder / "contours.png").is_file() else None
+    maps = (distance, sigma, contours)
+    return _stored(described, maps, camera, record.get("unit", "scene units"), record.get("status"))
 
 
 def _from_npz(path: Path) -> StoredResult:
@@ -59,21 +61,22 @@ def _from_npz(path: Path) -> StoredResult:
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             distance, record = arrays["range"], json.loads(str(arrays["record"]))
-            sigma = arrays.get("range_sigma")
+            maps = (distance, arrays.get("range_sigma"), arrays.get("contours"))
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"cannot read a result from {path}: {error}; give what jaxsfs reconstruct wrote") from None
-    return _stored(path, distance, record.get("camera", {}), record.get("unit"), sigma, record.get("status"))
+    return _stored(path, maps, record.get("camera", {}), record.get("unit"), record.get("status"))
 
 
 def _stored(
-    path: Path, distance: np.ndarray, camera: Mapping[str, Any], unit: Any, sigma: Any, status: Any
+    path: Path, maps: tuple[np.ndarray, Any, Any], camera: Mapping[str, Any], unit: Any, status: Any
 ) -> StoredResult:
+    distance, sigma, contours = maps
     try:
         described = camera_from_dict(camera).camera
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     size = (described.height, described.width)
-    for name, array in (("range", distance), ("1σ of the range", sigma)):
+    for name, array in (("range", distance), ("1σ of the range", sigma), ("mask of contours", contours)):
         if array is not None and array.shape != size:
             raise InputError(
                 f"{path}: the {name} has shape {array.shape}, but the camera {size}; give files of one run"
@@ -81,7 +84,8 @@ def _stored(
     if unit not in ("mm", "scene units"):
         raise InputError(f"{path}: 'unit' must be mm or scene units, got {unit!r}")
     valid = np.isfinite(distance)
-    surface = Surface(described, jnp.asarray(np.where(valid, distance, 1), jnp.float32), jnp.asarray(valid))
+    torn = None if contours is None else jnp.asarray(contours, bool)
+    surface = Surface(described, jnp.asarray(np.where(valid, distance, 1), jnp.float32), jnp.asarray(valid), torn)
     status = status if isinstance(status, dict) else {}
     return StoredResult(
         surface,

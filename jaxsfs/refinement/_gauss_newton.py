@@ -73,7 +73,7 @@ def polish(
     found = optx.least_squares(objective, solver, start, max_steps=steps, throw=False)
     w = jnp.where(jnp.all(jnp.isfinite(found.value)), found.value, start)
     before, after = (_rms(residual(x, cells, model), cells.used) for x in (start, w))
-    polished = Surface(given.camera, jnp.where(valid, jnp.exp(w).astype(dtype), given.range), valid)
+    polished = Surface(given.camera, jnp.where(valid, jnp.exp(w).astype(dtype), given.range), valid, given.contours)
     return Polish(polished, before, after, jnp.asarray(found.stats["num_steps"]))
 
 

@@ -33,6 +33,7 @@ _KINDS = (
     ("#29d3ff", "highlight, measured by colour"),
     ("#43c463", "clipped, measured in other channels"),
     ("#ffd21f", "filled from the surroundings: a guess"),
+    ("#ff4fd8", "occluding contour, beyond which range jumps"),
 )
 _VEIL = 0.72
 
@@ -61,7 +62,7 @@ def reconstruction_page(
     panels = [
         photograph_panel("Photograph", photograph),
         _irradiance_panel(prepared),
-        _mask_panel(prepared, photograph, np.ones_like(valid) if usable is None else usable),
+        _mask_panel(prepared, photograph, np.ones_like(valid) if usable is None else usable, result.surface.contours),
         map_panel("Range", distance, scale, "Distance from the projection centre."),
         _depth_panel(space, valid, unit),
         _normals_panel(space),
@@ -111,9 +112,13 @@ def _irradiance_panel(prepared: Preparation) -> str:
     return map_panel("Irradiance", values, scale, note)
 
 
-def _mask_panel(prepared: Preparation, photograph: UInt8[np.ndarray, "height width 3"], usable: np.ndarray) -> str:
+def _mask_panel(
+    prepared: Preparation, photograph: UInt8[np.ndarray, "height width 3"], usable: np.ndarray, contours
+) -> str:
     used = np.asarray(prepared.irradiance.valid)
-    marks = (~usable, usable & ~used, prepared.highlights & used, prepared.measured & used, prepared.filled & used)
+    torn = np.zeros_like(used) if contours is None else np.asarray(contours)
+    of_used = (mark & used for mark in (prepared.highlights, prepared.measured, prepared.filled, torn))
+    marks = (~usable, usable & ~used, *of_used)
     step = stride(*used.shape)
     shown = photograph[::step, ::step].astype(np.float32)
     rows = [("transparent", f"used: {used.mean():.2%}")]
@@ -122,7 +127,7 @@ def _mask_panel(prepared: Preparation, photograph: UInt8[np.ndarray, "height wid
         shown = np.where(mark[::step, ::step, None], (1 - _VEIL) * shown + _VEIL * ink, shown)
         if mark.any():
             rows.append((colour, f"{words}: {mark.mean():.2%}"))
-    title = "Mask and clipped pixels"
+    title = "Mask, clipped pixels, contours"
     return panel(title, picture(png(np.round(shown).astype(np.uint8)), title), legend(rows))
 
 
