@@ -36,9 +36,9 @@ class Causal(eqx.Module):
             x, _, rounds = state
             new = _both_ways(lambda forward, x: _pull(x, b, frames[0], forward), x)
             new = _both_ways(lambda forward, x: _pull(x, b.T, frames[1], forward), new.T).T
-            return new, jnp.max(jnp.abs(new - x)), rounds + 1
+            return new, _share(new - x, new), rounds + 1
 
-        return _until_still(one_round, b, b)
+        return _until_still(one_round, b)
 
     def solve_transposed(self, b: Image) -> Image:
         """x with x − Cᵀ x = b. What a pixel gets from those that read it waits until its own direction's sweep comes
@@ -49,9 +49,9 @@ class Causal(eqx.Module):
             both, _, rounds = state
             turned = _both_ways(lambda forward, both: _push(both[0], both[1], frames[1], ~forward), [x.T for x in both])
             both = _both_ways(lambda forward, both: _push(both[0], both[1], frames[0], ~forward), [x.T for x in turned])
-            return both, jnp.max(jnp.where(self.stencil.active, jnp.abs(both[1]), 0)), rounds + 1
+            return both, _share(jnp.where(self.stencil.active, both[1], 0), both[0]), rounds + 1
 
-        total, waiting = _until_still(one_round, [jnp.zeros_like(b), b], b)
+        total, waiting = _until_still(one_round, [jnp.zeros_like(b), b])
         return total + waiting
 
 
@@ -125,12 +125,18 @@ def _push(total: Image, waiting: Image, frame: _Frame, forward: Bool[Array, ""])
     return [total + jnp.where(mine, value, 0), jnp.where(mine, 0, value)]
 
 
-def _until_still(one_round, start, b: Image):
+def _share(change: Image, whole: Image) -> Float[Array, ""]:
+    """Largest change relative to the largest value."""
+    tiny = jnp.finfo(whole.dtype).tiny
+    return jnp.max(jnp.abs(change)) / jnp.maximum(jnp.max(jnp.abs(whole)), tiny)
+
+
+def _until_still(one_round, start):
     """Rounds until nothing changes any more, but for rounding."""
-    still = 10 * jnp.finfo(b.dtype).eps * jnp.max(jnp.abs(b))
+    dtype = jax.tree.leaves(start)[0].dtype
 
     def proceed(state):
         _, change, rounds = state
-        return (change > still) & (rounds < _MOST_ROUNDS)
+        return (change > 10 * jnp.finfo(dtype).eps) & (rounds < _MOST_ROUNDS)
 
-    return jax.lax.while_loop(proceed, one_round, (start, jnp.asarray(jnp.inf, b.dtype), jnp.int32(0)))[0]
+    return jax.lax.while_loop(proceed, one_round, (start, jnp.asarray(jnp.inf, dtype), jnp.int32(0)))[0]
