@@ -5,7 +5,8 @@ Instead of smoothness the gradient of the picture must be explained too:
 Each step solves for (δp, δq, δZ) at a pixel with R linear in (p, q) and the neighbours held, in pixels, from coarse
 pictures to fine ones; Z_x is a forward and p_x a backward difference, so that both come from one energy. Light and
 albedo are known here. The rim is free, the start flat; for a frontal light, where that is a stationary point, the
-start on the coarsest picture is `lee_rosenfeld`. The gradient term neglects R_pp and its like, so even the truth drifts slowly: more iterations do not mean less error.
+start on the coarsest picture is `lee_rosenfeld`. The gradient term neglects R_pp and its like, so
+even the truth drifts slowly: more iterations do not mean less error.
 """
 
 import numpy as np
