@@ -4,8 +4,9 @@ Order: the response is inverted, highlights are removed in linear light (Section
 pixels are restored as far as they can be, channels are weighted, and the fall-off is divided out.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
+import cv2
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -53,6 +54,7 @@ def prepare(
     clip_limit: Scalar | None = 254 / 255,
     smooth_px: Scalar = 0.0,
     blood: Scalar = 0.0,
+    shrink: int = 1,
 ) -> Preparation:
     """Irradiance of a photograph of stored values (full scale 1) with highlights and clipping dealt with.
 
@@ -70,14 +72,16 @@ def prepare(
     counted = clipped if photo.ndim == 2 else np.asarray(np.any(clipped & (np.asarray(weights) > 0), axis=-1))
     known = usable & ~counted
     readable = photo.shape[:2] == (camera.height, camera.width) and known.any() and linear[known].max() > 0
-    if specular == "off" or not readable:  # what is wrong with an unreadable picture is said below
-        removal = untouched(linear, counted & usable)
-    else:
-        removal = remove_highlights(linear, usable, saturated=counted, method=specular)
     limit = 1.0 if clip_limit is None else float(response.decode(jnp.asarray(clip_limit, jnp.float32)))
-    values, unknown, measured, filled = _restored(removal, clipped, usable, weights, limit)
+    method = specular if readable else "off"  # what is wrong with an unreadable picture is said below
+    stored = _Stored(linear, usable, clipped, counted)
+    if shrink == 1 or not readable:
+        body = _body(stored, weights, limit, method)
+    else:
+        body = _enlarged(_body(_shrunk(stored, shrink), weights, limit, method), stored, weights)
+    values = body.values
     if blood:
-        values = _without_blood(values, removal.values, float(blood))
+        values = _without_blood(values, body.linear, float(blood))
     irradiance, report = irradiance_of(
         values.astype(np.float32),
         camera,
@@ -87,10 +91,76 @@ def prepare(
         weights=weights,
         smooth_px=smooth_px,
         clip_limit=None,
-        clipped=unknown,
+        clipped=body.unknown,
     )
+    return Preparation(irradiance, body.highlights, body.measured, body.filled, report, body.report)
+
+
+class _Stored(NamedTuple):
+    """Linear light, the pixels to use, the channels that are clipped, and the pixels where that counts."""
+
+    linear: Float[np.ndarray, "height width *channels"]
+    usable: Bool[np.ndarray, "height width"]
+    clipped: Bool[np.ndarray, "height width *channels"]
+    counted: Bool[np.ndarray, "height width"]
+
+
+class _Body(NamedTuple):
+    """Weighted light without highlights and clipping, and the channels it is made of; pixels that stay unknown,
+    had a highlight, are measured in other channels, or filled."""
+
+    values: Float[np.ndarray, "height width"]
+    linear: Float[np.ndarray, "height width *channels"]
+    unknown: Bool[np.ndarray, "height width"]
+    highlights: Bool[np.ndarray, "height width"]
+    measured: Bool[np.ndarray, "height width"]
+    filled: Bool[np.ndarray, "height width"]
+    report: SpecularReport
+
+
+def _body(stored: _Stored, weights: Weights, limit: float, method: Method) -> _Body:
+    linear, usable, clipped, counted = stored
+    if method == "off":
+        removal = untouched(linear, counted & usable)
+    else:
+        removal = remove_highlights(linear, usable, saturated=counted, method=method)
+    values, unknown, measured, filled = _restored(removal, clipped, usable, weights, limit)
     filled = filled | removal.filled
-    return Preparation(irradiance, removal.highlights, measured, filled, report, removal.report)
+    return _Body(values, removal.values, unknown, removal.highlights, measured, filled, removal.report)
+
+
+def _shrunk(stored: _Stored, shrink: int) -> _Stored:
+    """The picture at 1/shrink of its size: means of blocks that are usable as a whole."""
+    height, width = stored.usable.shape
+    size = (max(1, width // shrink), max(1, height // shrink))
+
+    def means(x):
+        return cv2.resize(x.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+
+    usable = means(stored.usable) > 0.99
+    if not (usable & (means(stored.counted) == 0)).any():
+        return stored
+    return _Stored(means(stored.linear), usable, means(stored.clipped) > 0, means(stored.counted) > 0)
+
+
+def _enlarged(small: _Body, stored: _Stored, weights: Weights) -> _Body:
+    """`small` at full size where it changed anything, the picture itself elsewhere."""
+    height, width = stored.usable.shape
+
+    def large(mask):
+        return (cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0) & stored.usable
+
+    def smooth(values):
+        return cv2.resize(values.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+
+    highlights, measured, filled = large(small.highlights), large(small.measured), large(small.filled)
+    changed = highlights | measured | filled
+    linear = stored.linear
+    grey = linear if linear.ndim == 2 else linear @ np.asarray(weights, linear.dtype)
+    values = np.where(changed, smooth(small.values), grey)
+    linear = np.where(changed if linear.ndim == 2 else changed[..., None], smooth(small.linear), linear)
+    unknown = (large(small.unknown) & changed) | (stored.counted & stored.usable & ~changed)
+    return _Body(values, linear, unknown, highlights, measured, filled, small.report)
 
 
 def _restored(removal: HighlightRemoval, clipped, usable, weights: Weights, limit: float):

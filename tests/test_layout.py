@@ -17,7 +17,8 @@ LAYERS = (
     ("front",),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
     ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation", "uncertainty"),
-    ("files", "convert", "target", "report", "estimation", "measuring"),
+    ("files", "convert", "target", "report", "estimation", "measuring", "frames"),
+    ("video",),
     ("cli",),
 )
 HEIGHT = {name: height for height, names in enumerate(LAYERS) for name in names}

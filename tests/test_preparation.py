@@ -140,3 +140,17 @@ def test_blood_needs_colour():
             np.full((120, 160), 0.5), default_camera(scene_from_text("plane"), *SIZE), response=SRGBResponse(),
             falloff=NoFalloff(), weights=(1.0, 0.0, 0.0), blood=0.15,
         )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["plane", "wavy-wall"])
+def test_highlights_on_a_smaller_picture_cost_little(name):
+    """Only what is changed is coarse: elsewhere the picture is as it is."""
+    view, photo = seen(name, shine=0.5)
+    small, whole = prepared(view, photo, shrink=2), prepared(view, photo)
+    off = prepared(view, photo, specular="off")
+    assert small.highlights.any()
+    untouched = ~(small.highlights | small.filled | small.measured) & np.asarray(off.irradiance.valid)
+    values = [np.asarray(x.irradiance.values)[untouched] for x in (small, off)]
+    np.testing.assert_allclose(values[0], values[1], rtol=1e-6)
+    assert abs_rel(view, small.irradiance) < 1.5 * abs_rel(view, whole.irradiance) + 0.002
+    assert abs_rel(view, small.irradiance) < 0.5 * abs_rel(view, off.irradiance)

@@ -8,7 +8,7 @@ import cv2
 import equinox as eqx
 import numpy as np
 import tifffile
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Shaped, UInt8
 
 from jaxsfs.files._atomic import InputError, read_bytes
 
@@ -43,16 +43,15 @@ def read_image(path: str | Path) -> Photo:
     file refers to stored pixels. Raises InputError for a file that is missing, cannot be decoded or is cut short, for
     more than one page, for another number of channels than 1, 3 or 4, and when no pixel can be used.
     """
-    stored, kind = _decode(Path(path))
-    if stored.ndim == 3 and stored.shape[2] == 1:
-        stored = stored[..., 0]
-    if stored.ndim not in (2, 3) or (stored.ndim == 3 and stored.shape[2] not in (3, 4)):
-        raise InputError(
-            f"{path} holds an array of shape {stored.shape}; expected (height, width) grey, or (height, width, 3 or 4) "
-            "colour"
-        )
-    if stored.size == 0:
-        raise InputError(f"{path} holds an image without pixels, shape {stored.shape}")
+    stored, kind = _decoded(Path(path))
+    return photo_of(stored, path, kind)
+
+
+def photo_of(stored: Shaped[np.ndarray, "height width *channels"], path: str | Path, kind: str = "other") -> Photo:
+    """The photograph that an array as `read_image` or a frame's `read` gives it is; `path` for messages.
+
+    Raises InputError when no pixel can be used, and for a type that is no number.
+    """
     valid = np.ones(stored.shape[:2], bool)
     if stored.ndim == 3 and stored.shape[2] == 4:
         valid &= stored[..., 3] > 0
@@ -69,6 +68,11 @@ def read_image(path: str | Path) -> Photo:
     return Photo(values, valid, str(stored.dtype), kind)
 
 
+def decode_picture(path: str | Path) -> Shaped[np.ndarray, "height width *channels"]:
+    """The stored numbers, (height, width) or (height, width, 3 or 4). Raises InputError as `read_image` does."""
+    return _decoded(Path(path))[0]
+
+
 def read_mask(path: str | Path) -> Bool[np.ndarray, "height width"]:
     """The pixels to use: true where the image in `path` is not zero (in any channel) and not transparent.
 
@@ -82,6 +86,21 @@ def read_mask(path: str | Path) -> Bool[np.ndarray, "height width"]:
     if not mask.any():
         raise InputError(f"the mask {path} is empty: no pixel is above {threshold:g}; expected non-zero where valid")
     return mask
+
+
+def _decoded(path: Path) -> tuple[np.ndarray, str]:
+    """The stored array, checked, and the file's format."""
+    stored, kind = _decode(path)
+    if stored.ndim == 3 and stored.shape[2] == 1:
+        stored = stored[..., 0]
+    if stored.ndim not in (2, 3) or (stored.ndim == 3 and stored.shape[2] not in (3, 4)):
+        raise InputError(
+            f"{path} holds an array of shape {stored.shape}; expected (height, width) grey, or (height, width, 3 or 4) "
+            "colour"
+        )
+    if stored.size == 0:
+        raise InputError(f"{path} holds an image without pixels, shape {stored.shape}")
+    return stored, kind
 
 
 def _decode(path: Path) -> tuple[np.ndarray, str]:
