@@ -4,9 +4,10 @@
     python experiments/figure3.py --quick
 
 The paper warps with several f (eq. 15) and takes the one that looks straightest. Here `calibrate_grid` finds it, and
-the figure shows the picture, its warp with f 20 % too small, fitted and 20 % too large, and three scores against f:
+the figure shows the picture, its warp with f 20 % too small, fitted and 25 % too large, and three scores against f:
 the distance from great circles in px of the picture (Sampson), whose least value is the fit, and two simpler ones,
-lines in the warped picture over its scale, and angles from the great circle times f. Synthetic 8-bit photograph with blur and noise, tilted by 10°; no size, height or pose is given. The table has the error of f.
+lines in the warped picture over its scale, and angles from the great circle times f. Synthetic 8-bit photograph with
+blur and noise, tilted by 10°; no size, height or pose is given. The table has the error of f.
 """
 
 from pathlib import Path

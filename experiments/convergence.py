@@ -1,0 +1,116 @@
+"""How fast errors fall as pixels get smaller: scenes × cameras × solvers × orders, 65² to 1025².
+
+    python experiments/convergence.py --out out/convergence
+    python experiments/convergence.py --quick
+
+Smooth scenes with exact truth, double precision, only E and ρ = 1 known, nothing scaled, half field 50° across a
+square picture. Errors are mean relative errors of range over the disc; the order is fitted over the sizes. All scenes
+with the spherical camera, two of them with the other lenses. The level set, whose cost grows with the cube of the
+size, stops at 257² (spherical camera only). The figure is log–log, one panel per solver and order, with slopes 1 and 2.
+"""
+
+import math
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from near_scenes import HALF_FIELD, near_image
+from tables import main, pyplot, save, write_tables
+from tqdm import tqdm
+
+from jaxsfs import AbstractCamera, Equidistant, Irradiance, KannalaBrandt, Perspective, Spherical, reconstruct
+
+ALL = ("plane", "tilted-plane", "ball", "hollow-ball", "wavy-wall")
+SOME = ("tilted-plane", "ball")
+SIZES = (65, 129, 257, 513, 1025)
+METHODS = tuple((solver, order) for solver in ("sweeping", "level-set") for order in (1, 2))
+
+
+def camera_of(name: str, size: int) -> AbstractCamera:
+    """The lens `name` whose half field of 50° spans `size` pixels."""
+    centre, half = (size - 1) / 2, math.radians(HALF_FIELD)
+    place = {"cx": centre, "cy": centre, "width": size, "height": size}
+    if name == "spherical":
+        return Spherical(f=size / 2 / math.sin(half), **place)
+    if name == "perspective":
+        f = size / 2 / math.tan(half)
+        return Perspective(fx=f, fy=f, **place)
+    f = size / 2 / half
+    if name == "equidistant":
+        return Equidistant(f=f, **place)
+    k = (-0.1, 0.01, 0.0, 0.0)
+    f /= 1 + k[0] * half**2 + k[1] * half**4
+    return KannalaBrandt(fx=f, fy=f, k=k, **place)
+
+
+def error(scene: str, lens: str, solver: str, order: int, size: int) -> float:
+    """Mean relative error of range."""
+    with jax.enable_x64(True):
+        image = near_image(scene, size, camera_of(lens, size))
+        irradiance = Irradiance(jnp.asarray(image.values), jnp.asarray(image.mask))
+        found = reconstruct(irradiance, image.camera, solver=solver, order=order).surface
+        relative = np.abs(np.asarray(found.range) / image.truth - 1)
+        return float(relative[image.mask & np.asarray(found.valid)].mean())
+
+
+def jobs(quick: bool) -> list[tuple[str, str, str, int, tuple[int, ...]]]:
+    """(scene, camera, solver, order, sizes) of all rows."""
+    if quick:
+        return [("ball", "spherical", solver, order, (33, 65)) for solver, order in METHODS]
+    pairs = [(scene, "spherical") for scene in ALL]
+    pairs += [(scene, lens) for lens in ("perspective", "equidistant", "kannala-brandt") for scene in SOME]
+    return [
+        (scene, lens, solver, order, SIZES if solver == "sweeping" else SIZES[:3])
+        for solver, order in METHODS
+        for scene, lens in pairs
+        if solver == "sweeping" or lens == "spherical"
+    ]
+
+
+def fitted_order(sizes: tuple[int, ...], errors: list[float]) -> float:
+    """−slope of ln error against ln(size − 1)."""
+    return float(-np.polyfit(np.log(np.asarray(sizes) - 1), np.log(errors), 1)[0])
+
+
+def sheet(found: dict[tuple, list[float]], path: Path) -> None:
+    """`found`: errors of each job."""
+    plt = pyplot()
+    figure, axes = plt.subplots(1, len(METHODS), figsize=(18, 4.6), layout="constrained", sharey=True)
+    for axis, method in zip(axes, METHODS, strict=True):
+        for (scene, lens, solver, order, sizes), errors in found.items():
+            if (solver, order) == method:
+                style = "-" if lens == "spherical" else "--"
+                axis.plot(
+                    sizes, errors, "o" + style, ms=3, label=f"{scene}, {lens} ({fitted_order(sizes, errors):.2f})"
+                )
+        span = np.array([33, 1025])
+        for slope, start in ((1, 8e-3), (2, 1.5e-3)):
+            axis.plot(span, start * (span / 65.0) ** -slope, "k:", lw=0.8)
+            axis.text(span[1], start * (span[1] / 65.0) ** -slope, f"{slope}")
+        axis.set(xscale="log", yscale="log", xlabel="pixels across", title=f"{method[0]}, order {method[1]}")
+        axis.legend(fontsize=6)
+        axis.grid(True, alpha=0.3)
+    axes[0].set_ylabel("mean relative error of range")
+    save(figure, path)
+
+
+def run(out: Path, quick: bool) -> list[dict]:
+    """Writes convergence.png and the table to `out`; returns the rows."""
+    found, rows = {}, []
+    for job in tqdm(jobs(quick), file=sys.stderr, disable=None):
+        scene, lens, solver, order, sizes = job
+        found[job] = [error(scene, lens, solver, order, size) for size in sizes]
+        columns = {f"{size}²": "–" for size in (sizes if quick else SIZES)}
+        columns |= {f"{size}²": f"{value:.2e}" for size, value in zip(sizes, found[job], strict=True)}
+        observed = f"{fitted_order(sizes, found[job]):.2f}"
+        rows.append({"scene": scene, "camera": lens, "solver": solver, "order": order} | columns
+                    | {"observed order": observed})  # fmt: skip
+    sheet(found, out / "convergence.png")
+    print(write_tables(out, "convergence", {"convergence": rows}))
+    return rows
+
+
+if __name__ == "__main__":
+    main("How fast errors fall as pixels get smaller.", run, "convergence")
