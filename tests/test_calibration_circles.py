@@ -52,6 +52,15 @@ def test_the_uncertainty_map_grows_outward_and_ends_with_the_lens(one_view):
     np.testing.assert_array_equal(np.isnan(spread), beyond)
 
 
+def test_thick_lines_of_a_large_picture_are_found():
+    camera = Spherical(640.0, 655.0, 470.0, 1280, 960)
+    image = photograph(camera, Rings(RADII, 1.6, 1.0), tilted(5.0, 40.0, 22.0), Studio(blur=1.2), 0)
+    found = calibrate_circles([image], RADII)
+    # the innermost line is 46 px thick
+    assert set(found.fit.setup.observations.target[:, 0]) >= {5.0, 10.0, 15.0, 20.0}
+    assert found.camera.f == pytest.approx(640.0, rel=1e-3)
+
+
 def test_the_papers_estimators_are_beside_the_fit(one_view):
     paper = one_view.figures()["photographs"][0]["paper"]
     # they assume a sheet square-on and a target under the axis: some per cent at 6° of tilt

@@ -2,12 +2,14 @@
 
 import cv2
 import equinox as eqx
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 from scipy import ndimage
 
 from jaxsfs.photometry import AbstractResponse, LinearResponse, SRGBResponse
+
+_STEPS = np.linspace(0, 1, 4096)  # of stored values at which a response is tabulated
 
 
 class Photograph(eqx.Module):
@@ -53,16 +55,23 @@ def photograph_from(
             "is the light on, the right file given?"
         )
     field = _lit_field(grey)
-    saturated = np.asarray(ndimage.binary_opening(brightest >= 0.995, iterations=1))
-    inner = np.asarray(ndimage.binary_erosion(field, iterations=4, border_value=1))
-    usable = inner & np.logical_not(ndimage.binary_dilation(saturated, iterations=5))
-    linear = np.array(response.decode(jnp.asarray(grey)))
+    saturated = cv2.morphologyEx((brightest >= 0.995).astype(np.uint8), cv2.MORPH_OPEN, _diamond(1))
+    # the picture's own border is no rim of the field: cv2 takes what lies beyond for lit
+    inner = cv2.erode(field.astype(np.uint8), _diamond(4))
+    usable = (inner > 0) & (cv2.dilate(saturated, _diamond(5)) == 0)
+    linear = np.interp(grey, _STEPS, np.asarray(jax.jit(response.decode)(_STEPS)))
     return Photograph(grey, linear, field, usable)
+
+
+def _diamond(reach: int) -> np.ndarray:
+    """Pixels at most `reach` steps away."""
+    along = np.abs(np.arange(-reach, reach + 1))
+    return (along[:, None] + along[None] <= reach).astype(np.uint8)
 
 
 def _lit_field(grey: Float[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
     """The largest region brighter than a small share of the picture's bright values, its holes filled."""
-    smooth = cv2.GaussianBlur(grey, (0, 0), 2.0)
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), 2.0)
     dark = float(np.percentile(smooth, 0.5))
     lit = smooth > dark + 0.07 * (float(np.percentile(smooth, 97)) - dark)
     close = max(3, grey.shape[1] // 60) | 1

@@ -1,6 +1,7 @@
 """What a calibration found, for people and for files."""
 
 import dataclasses
+import functools
 from typing import Any
 
 import numpy as np
@@ -88,9 +89,13 @@ class Calibration:
         """Angle from the axis of the outermost observation used."""
         return alpha_max_deg(self.fit)
 
+    @functools.cached_property
+    def _spread(self) -> Float[np.ndarray, "rows columns"]:
+        return pixel_sd_map(self.fit, self.covariance)
+
     def uncertainty_map(self) -> Float[np.ndarray, "rows columns"]:
         """sd in px of where a fixed direction is seen, over a coarse grid of the image."""
-        return pixel_sd_map(self.fit, self.covariance)
+        return self._spread
 
     def figures(self) -> dict[str, Any]:
         """All figures, ready for JSON."""

@@ -4,12 +4,13 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from jaxsfs.calibration._field import Photograph
 
 RAYS = 360
+_ENOUGH = 640  # px of width for a rough centre
 
 
 class Chain(NamedTuple):
@@ -26,12 +27,23 @@ class Chain(NamedTuple):
 
 
 def rough_centre(photo: Photograph) -> tuple[float, float]:
-    """The point (u, v) through which most image gradients pass."""
-    smooth = cv2.GaussianBlur(photo.grey, (0, 0), 1.5)
-    local = cv2.GaussianBlur(photo.grey, (0, 0), 12.0) + 0.02
-    gx, gy = ndimage.sobel(smooth, axis=1) / local, ndimage.sobel(smooth, axis=0) / local
-    strength = np.hypot(gx, gy) * photo.usable
-    inside = strength[photo.usable]
+    """The point (u, v) through which most image gradients pass; of large pictures, those of a smaller copy."""
+    shrink = max(1, round(photo.size[0] / _ENOUGH))
+    size = photo.size[0] // shrink, photo.size[1] // shrink
+    grey = cv2.resize(photo.grey.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    usable = cv2.resize(photo.usable.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    centre = _crossing_of_gradients(grey, usable)
+    return shrink * (centre[0] + 0.5) - 0.5, shrink * (centre[1] + 0.5) - 0.5
+
+
+def _crossing_of_gradients(
+    grey: Float[np.ndarray, "height width"], usable: Bool[np.ndarray, "height width"]
+) -> tuple[float, float]:
+    smooth = cv2.GaussianBlur(grey, (0, 0), 1.5)
+    local = cv2.GaussianBlur(grey, (0, 0), 12.0) + 0.02
+    gx, gy = (cv2.Sobel(smooth, cv2.CV_32F, *order) / local for order in ((1, 0), (0, 1)))
+    strength = np.hypot(gx, gy) * usable
+    inside = strength[usable]
     if inside.size < 1000 or not inside.any():
         raise ValueError("no usable picture: the lit, unsaturated field is almost empty")
     v, u = np.nonzero(strength > np.percentile(inside, 90))
@@ -39,7 +51,7 @@ def rough_centre(photo: Photograph) -> tuple[float, float]:
     u, v = u[keep], v[keep]
     norm = strength[v, u]
     direction = np.stack([gx[v, u], gy[v, u]], axis=1) / norm[:, None]
-    centre = _vote(u, v, direction, photo.size)
+    centre = _vote(u, v, direction, grey.shape[::-1])
     for reach in (40.0, 20.0, 10.0, 10.0):
         across = np.stack([-direction[:, 1], direction[:, 0]], axis=1)
         miss = across[:, 0] * (u - centre[0]) + across[:, 1] * (v - centre[1])

@@ -18,6 +18,8 @@ from jaxsfs.calibration._plane import PlanePose
 _SAMPLES = 61  # of a profile across an edge
 _SIDES = np.linspace(-1, 1, 13)  # of the way along an edge over which a profile is averaged
 _ALONG = 6.0  # px, at most
+_REACH = 18.0  # px to either side of a thin line or a band's edge
+_WINDOW = 1.2  # of a thick line's width, to either side of its middle
 _STANDS_OUT = 8.0  # times the paper's scatter
 _LEAST_CONTRAST = 0.01  # of the brightest paper: less drowns in 8 bits
 _LEAST_DEPTH = 0.08  # of the paper: shallower dips are noise
@@ -50,9 +52,11 @@ def search_edges(
     centre, radius, normal, curvature, reach = _predicted(photo, name, parameters, pose, radii)
     angle = 2 * np.pi * np.arange(_RAYS)[:, None] / _RAYS
     base = np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=-1)
-    profile, ok, step = _profiles(photo, base, normal, reach, curvature)
-    visible = ok & np.isfinite(radius)
     width_px = abs(float(parameters[LENS_SIZE])) * _px_per_mm(radius, radii)
+    # a line and the paper to either side of it, at most half way to the next ring
+    window = np.clip(reach, 3.0, np.maximum(_REACH, _WINDOW * np.nan_to_num(width_px)))
+    profile, ok, step = _profiles(photo, base, normal, reach, curvature, window)
+    visible = ok & np.isfinite(radius)
     if style == "bands":
         offset, polarity, good = _single_edges(profile)
     else:
@@ -196,11 +200,9 @@ def _brightness_slope(profile: np.ndarray, step: np.ndarray) -> np.ndarray:
     return np.clip(np.log(right / left) / (2 * step * (1 - ends / _SAMPLES)), -0.3, 0.3)
 
 
-def _profiles(photo: Photograph, base, normal, reach, curvature):
-    """Grey values along the normals over ±reach (at most 18 px), averaged along the edge (an arc of `curvature`) half
-    way to the neighbouring rays, whether all of them are usable, and px per unit of the profile's coordinate
-    (−1 … 1)."""
-    step = np.clip(reach, 3.0, 18.0)
+def _profiles(photo: Photograph, base, normal, reach, curvature, step):
+    """Grey values along the normals over ±`step` px, averaged along the edge (an arc of `curvature`) half way to the
+    neighbouring rays, whether all of them are usable, and px per unit of the profile's coordinate (−1 … 1)."""
     along = np.linspace(-1, 1, _SAMPLES)
     tangent = np.stack([-normal[..., 1], normal[..., 0]], axis=-1)
     safe = np.where(np.isfinite(base), base, -100.0)

@@ -119,7 +119,11 @@ def _first_fit(rings, labelling: Labelling, centre, photo: Photograph, priors: R
     sign = {"dark": 1.0, "bright": -1.0, "bands": 0.0}[style]
     start[LENS_SIZE] = sign * 0.05 * float(np.diff(priors.radii).min())
     found = fit("spherical", setup, start, rounds=2)
-    return found if found.success else None
+    if not found.success:
+        return None
+    parameters = found.parameters.copy()
+    parameters[LENS_SIZE] = line_width(edges, found, style, priors)
+    return dataclasses.replace(found, parameters=parameters)
 
 
 def _start(labelling: Labelling, centre, priors: RingPriors, edges: Edges) -> Float[np.ndarray, " size"]:

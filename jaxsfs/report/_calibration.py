@@ -51,7 +51,7 @@ _NAIVE_SCORES = (
 
 def _rectified(found: Calibration, photographs) -> str:
     first = photographs[found.views[0].photograph]
-    return picture(figures.rectified(found.camera, first), "before and after rectification at the fitted camera")
+    return picture(figures.rectified(found.fit, first), "before and after rectification at the fitted camera")
 
 
 def _camera_rows(own: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from jaxsfs.calibration import Calibration, Observations
 from jaxsfs.calibration._fit import Fit, rays_of
-from jaxsfs.camera import AbstractCentralCamera, perspective_like, rectification_map
 
 _PREVIEW = 480  # px: width of the rectified preview
+_SHOWN = 880  # px: width of the pictures of photographs
 _ARROW_PX = 0.04  # of the image width: length of the 95th-percentile residual in the picture
 
 
@@ -25,7 +25,7 @@ def detections(
     scale = _ARROW_PX * photograph.shape[1] / max(float(np.percentile(size, 95)) if size.size else 1.0, 1e-9)
     figure = Figure(figsize=(8, 8 * photograph.shape[0] / photograph.shape[1] + 0.4), layout="constrained")
     axes = figure.subplots()
-    axes.imshow(photograph)
+    axes.imshow(_smaller(photograph), extent=(-0.5, photograph.shape[1] - 0.5, photograph.shape[0] - 0.5, -0.5))
     axes.plot(*seen.pixel[left].T, "x", color="#ff5a4f", ms=3, label=f"left out ({left.sum()})")
     axes.plot(*seen.pixel[used].T, ".", color="#29d3ff", ms=2, label=f"used ({used.sum()})")
     every = max(1, int(used.sum()) // 400)
@@ -36,6 +36,12 @@ def detections(
     axes.set_title(f"photograph {found.views[view].photograph + 1}: residuals ×{scale:.0f}, + principal point")
     axes.legend(loc="lower right", fontsize="small")
     return figure
+
+
+def _smaller(photograph: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "_ _ 3"]:
+    """No larger than what the page shows."""
+    scale = min(1.0, _SHOWN / photograph.shape[1])
+    return cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
 
 
 def residual_against_angle(found: Calibration, seen: Observations) -> Figure:
@@ -101,13 +107,13 @@ def models(found: Calibration, seen: Observations) -> Figure:
     return figure
 
 
-def _radii(fitted: Fit, angle_deg: Float[np.ndarray, " count"]) -> Float[np.ndarray, " count"]:
+def _radii(fitted: Fit, angle_deg: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     """Image radius in px at the angles: the profile's inverse, by interpolation of the rays along one image row."""
     radius = np.linspace(0, 1.1 * np.hypot(*fitted.setup.size), 1000)
     pixel = fitted.parameters[1:3] + np.stack([radius, np.zeros_like(radius)], axis=1)
     alpha = np.degrees(np.arccos(np.clip(rays_of(fitted, pixel)[:, 2], -1, 1)))
     rising = np.concatenate([[True], np.diff(np.maximum.accumulate(alpha)) > 0])
-    return np.interp(angle_deg, alpha[rising], radius[rising])
+    return np.interp(angle_deg, alpha[rising], radius[rising], right=1e6)
 
 
 def straightness(found: Calibration) -> Figure:
@@ -128,14 +134,20 @@ def straightness(found: Calibration) -> Figure:
     return figure
 
 
-def rectified(camera: AbstractCentralCamera, photograph: UInt8[np.ndarray, "height width 3"]) -> Figure:
+def rectified(fitted: Fit, photograph: UInt8[np.ndarray, "height width 3"]) -> Figure:
     """The photograph before and after rectification at the fitted camera: straight lines become straight."""
-    wide = min(camera.width, _PREVIEW)
-    small = camera.resized(wide, max(1, round(camera.height * wide / camera.width)))
-    shown = cv2.resize(photograph, (small.width, small.height), interpolation=cv2.INTER_AREA)
-    seen_at = np.asarray(rectification_map(small, perspective_like(small)), np.float32)
-    seen_at = np.where(np.isfinite(seen_at), seen_at, -2)
-    flat = cv2.remap(shown, seen_at[..., 0], seen_at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    height, width = photograph.shape[:2]
+    scale = min(1.0, _PREVIEW / width)
+    columns, rows = round(width * scale), round(height * scale)
+    shown = cv2.resize(photograph, (columns, rows), interpolation=cv2.INTER_AREA)
+    centre, aspect = fitted.parameters[1:3], float(np.exp(fitted.parameters[3]))
+    # the perspective picture has the same scale at the principal point, and square pixels
+    x, y = np.meshgrid((np.arange(columns) + 0.5) / scale - 0.5, (np.arange(rows) + 0.5) / scale - 0.5)
+    x, y = x - centre[0], y - centre[1]
+    distance = np.hypot(x, y)
+    stretch = _radii(fitted, np.degrees(np.arctan(distance / fitted.f))) / np.maximum(distance, 1e-9)
+    u, v = ((c + a * s * stretch + 0.5) * scale - 0.5 for c, a, s in zip(centre, (1.0, aspect), (x, y), strict=True))
+    flat = cv2.remap(shown, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR, borderValue=(0, 0, 0))
     figure = Figure(figsize=(9, 4.5 * shown.shape[0] / shown.shape[1] + 0.5), layout="constrained")
     for axes, image, title in zip(figure.subplots(1, 2), (shown, flat), ("stored", "rectified"), strict=True):
         axes.imshow(image)
