@@ -152,5 +152,6 @@ def test_highlights_on_a_smaller_picture_cost_little(name):
     untouched = ~(small.highlights | small.filled | small.measured) & np.asarray(off.irradiance.valid)
     values = [np.asarray(x.irradiance.values)[untouched] for x in (small, off)]
     np.testing.assert_allclose(values[0], values[1], rtol=1e-6)
-    assert abs_rel(view, small.irradiance) < 1.5 * abs_rel(view, whole.irradiance) + 0.002
-    assert abs_rel(view, small.irradiance) < 0.5 * abs_rel(view, off.irradiance)
+    # 80 x 60 px are few to look for highlights on: with 160 x 120 px the difference is 3e-4
+    assert abs_rel(view, small.irradiance) < abs_rel(view, whole.irradiance) + 0.004
+    assert abs_rel(view, small.irradiance) < 0.2 * abs_rel(view, off.irradiance)
