@@ -23,7 +23,7 @@ def write_surface(
     """Writes what a reconstruction is, in its camera's frame (x right, y down, z forward) and in `unit`, to `folder`.
 
     range.tiff, depth.tiff (float32, NaN where invalid), normals.tiff (unit, towards the camera, NaN where there is
-    none), mask.png (255 where valid), contours.png (255 on occluding contours, where they are known), mesh.ply,
+    none), mask.png (255 where valid), contours.png (255 on occluding contours, if there are any), mesh.ply,
     mesh.glb (coloured by `photo_rgb`), depth.png, shaded.png; with `sigma`, 1σ of the range, range_sigma.tiff too.
     `folder` exists and has none of these: the folder that `output_folder` stages.
     """
@@ -52,7 +52,7 @@ def write_surface(
         description=f"unit normals towards the camera, {frame}, NaN where there is none",
     )
     write_png(folder / "mask.png", valid)
-    if surface.contours is not None:
+    if surface.contours is not None and bool(surface.contours.any()):
         write_png(folder / "contours.png", np.asarray(surface.contours))
     mesh = mesh_from_surface(surface, photo_rgb, space=space)
     write_mesh(folder / "mesh.ply", mesh, unit)
