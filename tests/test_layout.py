@@ -17,8 +17,9 @@ LAYERS = (
     ("front",),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
     ("evaluation", "mesh", "pictures", "animation", "calibration", "refinement", "preparation", "uncertainty"),
+    ("comparison",),
     ("files", "convert", "target", "report", "estimation", "measuring", "frames"),
-    ("video",),
+    ("video", "watch"),
     ("cli",),
 )
 HEIGHT = {name: height for height, names in enumerate(LAYERS) for name in names}

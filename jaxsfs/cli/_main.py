@@ -13,6 +13,7 @@ from jaxsfs.cli._terminal import CannotRun, command_line, quiet
 COMMANDS: dict[str, tuple[str, str, str]] = {
     "reconstruct": ("jaxsfs.cli._reconstruct", "reconstruct", "a surface from one photograph"),
     "video": ("jaxsfs.cli._video", "video", "the surfaces of all frames of a video or a folder"),
+    "watch": ("jaxsfs.cli._watch", "watch", "depth over a live picture, a video or a folder"),
     "render": ("jaxsfs.cli._render", "render", "a synthetic endoscope view with its exact range and normals"),
     "evaluate": ("jaxsfs.cli._evaluate", "evaluate", "errors of a range or depth map against the truth"),
     "measure": ("jaxsfs.cli._measure", "measure", "lengths and areas on a reconstructed surface"),
