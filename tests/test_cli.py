@@ -389,7 +389,11 @@ class TestHelp:
     @pytest.mark.parametrize(
         "name",
         # their commands run in test_cli_calibrate.py too
-        [pytest.param(n, marks=pytest.mark.slow if n.startswith("calibrate") else ()) for n in COMMANDS],
+        [
+            pytest.param(n, marks=pytest.mark.slow if n.startswith("calibrate") else ())
+            for n in COMMANDS
+            if n not in ("video", "watch")  # they need a video; test_video.py and test_watch.py make one
+        ],
     )
     def test_every_example_runs_as_pasted(self, name, capsys, tmp_path, monkeypatch):
         assert main([*name.split(), "--help"]) == 0
