@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
 
+from jaxsfs.differences import correlated
 from jaxsfs.reflectance import AbstractReflectance
 from jaxsfs.shading import LightAtCamera
 
@@ -110,9 +111,9 @@ def _window_fits(field: Image) -> tuple[Image, Image, Image]:
     count, spread = 2 * _HALF + 1, float(np.sum(np.arange(-_HALF, _HALF + 1) ** 2))
     ramp, box = offsets / spread, jnp.ones(count, field.dtype) / count
     return (
-        _filtered(_filtered(field, ramp, 1), box, 0),
-        _filtered(_filtered(field, box, 1), ramp, 0),
-        _filtered(_filtered(field, box, 1), box, 0),
+        correlated(correlated(field, ramp, 1), box, 0),
+        correlated(correlated(field, box, 1), ramp, 0),
+        correlated(correlated(field, box, 1), box, 0),
     )
 
 
@@ -122,19 +123,7 @@ def _smoothed_along(field: Image, where: Bool[Array, "height width"]) -> Image:
     kernel = jnp.exp(-0.5 * (jnp.arange(-reach, reach + 1, dtype=field.dtype) / _ALONG) ** 2)
 
     def spread(x):
-        return _filtered(_filtered(x, kernel, 1), kernel, 0)
+        return correlated(correlated(x, kernel, 1), kernel, 0)
 
     weight = spread(where.astype(field.dtype))
     return spread(jnp.where(where, field, 0)) / jnp.maximum(weight, 1e-6)
-
-
-def _filtered(field: Image, kernel: Float[Array, " taps"], axis: int) -> Image:
-    """Correlation along an axis; zeros beyond the image."""
-    reach = kernel.shape[0] // 2
-    pad = [(reach, reach) if i == axis else (0, 0) for i in range(2)]
-    padded = jnp.pad(field, pad)
-    size = field.shape[axis]
-    return sum(
-        (kernel[i] * jax.lax.slice_in_dim(padded, i, i + size, axis=axis) for i in range(kernel.shape[0])),
-        jnp.zeros_like(field),
-    )
