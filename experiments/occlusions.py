@@ -7,9 +7,10 @@
 Mean relative error of range after median scaling: with the surface taken for continuous (`off`), with contours found
 in the picture (`found`), and with those of the renderer (`exact`); from the exact image and from the 8-bit sRGB
 photograph with noise of 0.4 % (`photo`). Precision and recall: found pixels within 2 px of a true contour, true ones
-within 2 px of a found one. Default scenes and random ones of the report seeds; thresholds were chosen on `--tuning` seeds. `--rim`
-instead compares what is assumed at the image's rim, contours cut. Prints a Markdown table and writes it with the
-command that made it, and a picture per scene: photograph | found (green), missed (red) | error off | error found.
+within 2 px of a found one. Default scenes and random ones of the report seeds; thresholds were chosen on `--tuning`
+seeds. `--rim` instead compares what is assumed at the image's rim, contours cut. Prints a Markdown table and writes
+it with the command that made it, and a picture per scene: photograph | found (green), missed (red) | error off |
+error found.
 """
 
 import argparse
