@@ -76,7 +76,8 @@ _HOME = {
     "jaxsfs.refinement": ("Refinement", "RefinementStatus", "refine"),
     "jaxsfs.field": ("FieldMask", "find_field"),
     "jaxsfs.uncertainty": ("calibration_sigma", "irradiance_sigma", "lens_covariance", "moved_lens", "noise_sigma"),
-    "jaxsfs.evaluation": ("Evaluation", "evaluate"),
+    "jaxsfs.comparison": ("by_angle", "by_length", "cumulative", "mesh_distances"),
+    "jaxsfs.evaluation": ("Comparison", "Evaluation", "compare", "evaluate"),
     "jaxsfs.measuring": ("Area", "Length", "measure_area", "measure_length"),
     "jaxsfs.mesh": ("mesh_from_surface",),
     "jaxsfs.animation": ("front_frames",),
@@ -118,12 +119,20 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
         perspective_like as perspective_like,
         rectification_map as rectification_map,
     )
+    from jaxsfs.comparison import (
+        by_angle as by_angle,
+        by_length as by_length,
+        cumulative as cumulative,
+        mesh_distances as mesh_distances,
+    )
     from jaxsfs.convert import (
         export_camera as export_camera,
         import_camera as import_camera,
     )
     from jaxsfs.evaluation import (
+        Comparison as Comparison,
         Evaluation as Evaluation,
+        compare as compare,
         evaluate as evaluate,
     )
     from jaxsfs.field import (

@@ -5,14 +5,14 @@ from typing import Any, Literal
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Num
+from jaxtyping import Array, Bool, Float, Num
 
 from jaxsfs.camera import AbstractCamera
 from jaxsfs.geometry import geometry
 from jaxsfs.surface import Surface
 
 Quantity = Literal["range", "depth"]
-Alignment = Literal["median", "none"]
+Alignment = Literal["median", "none", "scale-ls"]
 
 
 class NormalErrors(eqx.Module):
@@ -26,13 +26,32 @@ class NormalErrors(eqx.Module):
     pixels: int
 
 
+class Comparison(eqx.Module):
+    """Prediction (times `scale`) and truth as one quantity, and the pixels where both are known (`compared`).
+
+    `fraction`: share of the pixels with a truth that are compared. Arrays are (height, width), double precision.
+    """
+
+    predicted: Float[np.ndarray, "height width"]
+    truth: Float[np.ndarray, "height width"]
+    compared: Bool[np.ndarray, "height width"]
+    quantity: Quantity
+    scale: float
+    fraction: float
+
+    def relative(self) -> Float[np.ndarray, "height width"]:
+        """(p − d)/d per pixel, NaN where not compared."""
+        safe = np.where(self.compared, self.truth, 1.0)
+        return np.where(self.compared, (self.predicted - safe) / safe, np.nan)
+
+
 class Evaluation(eqx.Module):
     """Errors of a prediction p against the truth d over the pixels where both are finite and positive.
 
-    Per pixel, then averaged: abs_rel |d − p|/d, sq_rel (d − p)²/d, rmse √mean (d − p)², rmse_log √mean (ln d − ln p)²
-    (natural logarithm), delta_k the share of pixels with max(d/p, p/d) < k; median_rel and p95_rel are the median and
-    the 95th percentile of |d − p|/d. sq_rel and rmse have the unit of the truth, and depend on `quantity`; the others
-    have none. p is the prediction times `scale`: `align` says how that was found.
+    Per pixel, then averaged: mae |d − p|, abs_rel |d − p|/d, sq_rel (d − p)²/d, rmse √mean (d − p)², rmse_log
+    √mean (ln d − ln p)² (natural logarithm), delta_k the share of pixels with max(d/p, p/d) < k; median_rel and
+    p95_rel are the median and the 95th percentile of |d − p|/d. mae, sq_rel and rmse have the unit of the truth, and
+    depend on `quantity`; the others have none. p is the prediction times `scale`: `align` says how that was found.
 
     `pixels`: number compared; `fraction`: their share of the pixels that have a truth. `normals` is None without a
     camera. Source of the definitions: Eigen et al. 2014; Garg et al. 2016 for the median alignment.
@@ -43,6 +62,7 @@ class Evaluation(eqx.Module):
     scale: float
     pixels: int
     fraction: float
+    mae: float
     abs_rel: float
     sq_rel: float
     rmse: float
@@ -75,7 +95,8 @@ def evaluate(
     """Compares `predicted` with `truth` as `quantity`: range (along the ray) or depth (along the optical axis).
 
     `align="median"` multiplies the prediction by median(d)/median(p) over the compared pixels, for shape known up to
-    a scale factor; "none" compares lengths as they are. Nothing is ever shifted.
+    a scale factor; "scale-ls" by Σ p d/Σ p², the factor of least squares; "none" compares lengths as they are. Nothing
+    is ever shifted.
 
     `predicted`, `truth`: (height, width), one unit of length; pixels that are not finite or not positive have no data.
     `valid`: compare only there. `predicted_quantity`, `truth_quantity`: what the arrays hold, by default `quantity`;
@@ -86,6 +107,43 @@ def evaluate(
     Raises ValueError for arrays of different size, for a conversion or normals without a camera, and when no pixel
     can be compared.
     """
+    found = compare(
+        predicted,
+        truth,
+        valid=valid,
+        quantity=quantity,
+        predicted_quantity=predicted_quantity,
+        truth_quantity=truth_quantity,
+        align=align,
+        camera=camera,
+    )
+    p, d, both = found.predicted, found.truth, found.compared
+    if camera is None and truth_normals is not None:
+        raise ValueError("true normals were given without a camera; the prediction's normals need one")
+    normals = None if camera is None else _normal_errors(camera, p, d, both, quantity, truth_normals)
+    return Evaluation(
+        quantity=quantity,
+        align=align,
+        scale=found.scale,
+        pixels=int(both.sum()),
+        fraction=found.fraction,
+        normals=normals,
+        **_length_errors(p[both], d[both]),
+    )
+
+
+def compare(
+    predicted: Num[Array | np.ndarray, "..."],
+    truth: Num[Array | np.ndarray, "..."],
+    *,
+    valid: Bool[Array | np.ndarray, "..."] | None = None,
+    quantity: Quantity = "range",
+    predicted_quantity: Quantity | None = None,
+    truth_quantity: Quantity | None = None,
+    align: Alignment = "median",
+    camera: AbstractCamera | None = None,
+) -> Comparison:
+    """What `evaluate` sums up, pixel by pixel: both maps as `quantity`, the prediction scaled. Arguments as there."""
     p, d = np.asarray(predicted, np.float64), np.asarray(truth, np.float64)
     if p.shape != d.shape or p.ndim != 2:
         raise ValueError(
@@ -109,19 +167,19 @@ def evaluate(
             f"prediction and truth have no pixel in common: {int((wanted & _positive(p)).sum())} predicted pixels and "
             f"{int(has_truth.sum())} true ones are finite, positive and inside the mask"
         )
-    scale = float(np.median(d[both]) / np.median(p[both])) if align == "median" else 1.0
-    if camera is None and truth_normals is not None:
-        raise ValueError("true normals were given without a camera; the prediction's normals need one")
-    normals = None if camera is None else _normal_errors(camera, scale * p, d, both, quantity, truth_normals)
-    return Evaluation(
-        quantity=quantity,
-        align=align,
-        scale=scale,
-        pixels=int(both.sum()),
-        fraction=float(both.sum() / has_truth.sum()),
-        normals=normals,
-        **_length_errors(scale * p[both], d[both]),
-    )
+    scale = scale_for(p[both], d[both], align)
+    return Comparison(scale * p, d, both, quantity, scale, float(both.sum() / has_truth.sum()))
+
+
+def scale_for(p: Float[np.ndarray, " count"], d: Float[np.ndarray, " count"], align: Alignment) -> float:
+    """The factor on the prediction p that `align` asks for."""
+    if align == "median":
+        return float(np.median(d) / np.median(p))
+    if align == "scale-ls":
+        return float((p @ d) / (p @ p))
+    if align == "none":
+        return 1.0
+    raise ValueError(f"align must be 'median', 'scale-ls' or 'none', got {align!r}")
 
 
 def convert_quantity(
@@ -156,6 +214,7 @@ def _length_errors(p: np.ndarray, d: np.ndarray) -> dict[str, float]:
     relative = np.abs(d - p) / d
     ratio = np.maximum(d / p, p / d)
     return {
+        "mae": float(np.abs(d - p).mean()),
         "abs_rel": float(relative.mean()),
         "sq_rel": float(((d - p) ** 2 / d).mean()),
         "rmse": float(np.sqrt(((d - p) ** 2).mean())),

@@ -16,6 +16,7 @@ _HOME = {
     "_more_maps": ("write_exr", "write_pfm", "write_png16"),
     "_more_meshes": ("write_obj", "write_stl"),
     "_photo": ("Photo", "read_image", "read_mask"),
+    "_read_mesh": ("MESH_SUFFIXES", "read_mesh"),
     "_records": ("read_camera", "read_json", "read_lights", "write_camera", "write_json"),
     "_result": ("StoredResult", "read_result"),
     "_surface": ("write_surface",),
@@ -37,6 +38,7 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.files._more_maps import write_exr as write_exr, write_pfm as write_pfm, write_png16 as write_png16
     from jaxsfs.files._more_meshes import write_obj as write_obj, write_stl as write_stl
     from jaxsfs.files._photo import Photo as Photo, read_image as read_image, read_mask as read_mask
+    from jaxsfs.files._read_mesh import MESH_SUFFIXES as MESH_SUFFIXES, read_mesh as read_mesh
     from jaxsfs.files._records import (
         read_camera as read_camera,
         read_json as read_json,

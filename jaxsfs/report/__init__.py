@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 _MODULE_OF = {
     "calibration_page": "jaxsfs.report._calibration",
+    "error_figure": "jaxsfs.report._errors",
     "reconstruction_page": "jaxsfs.report._reconstruction",
     "white_page": "jaxsfs.report._white",
     "white_summary": "jaxsfs.report._white",
@@ -15,6 +16,7 @@ _MODULE_OF = {
 
 if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.report._calibration import calibration_page as calibration_page
+    from jaxsfs.report._errors import error_figure as error_figure
     from jaxsfs.report._reconstruction import reconstruction_page as reconstruction_page
     from jaxsfs.report._white import white_page as white_page, white_summary as white_summary
 
