@@ -51,21 +51,32 @@ def run_one(name: str, folder: Path, quick: bool) -> dict:
              "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3"}  # fmt: skip
     clock = time.perf_counter()
     with (folder / "log.txt").open("w", encoding="utf-8") as log:
-        done = subprocess.run(command, stdout=log, stderr=subprocess.STDOUT, env=cache | os.environ, check=False)
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=cache | os.environ)
+        exit_code, cpu = _waited(process)
     seconds = round(time.perf_counter() - clock, 1)
-    record = {"key": key_of(name, quick), "exit": done.returncode, "seconds": seconds}
+    record = {"key": key_of(name, quick), "exit": exit_code, "seconds": seconds, "cpu seconds": cpu}
     (folder / "run.json").write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     return record
 
 
+def _waited(process: subprocess.Popen) -> tuple[int, float | None]:
+    """Exit code and, where the system tells, CPU seconds of a process."""
+    if not hasattr(os, "wait4"):
+        return process.wait(), None
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return process.returncode, round(usage.ru_utime + usage.ru_stime, 1)
+
+
 def index(out: Path, records: dict[str, dict]) -> str:
     """Markdown list of the experiments and their files."""
-    lines = ["| experiment | exit | seconds | files |", "|---|---|---|---|"]
+    lines = ["| experiment | exit | seconds | CPU seconds | files |", "|---|---|---|---|---|"]
     for name in EXPERIMENTS:
         if name in records:
             made = sorted(p.name for p in (out / name).iterdir() if p.suffix in (".md", ".png", ".csv"))
             files = ", ".join(f"[{file}]({name}/{file})" for file in made)
-            lines.append(f"| {name} | {records[name]['exit']} | {records[name]['seconds']} | {files} |")
+            record = records[name]
+            lines.append(f"| {name} | {record['exit']} | {record['seconds']} | {record['cpu seconds']} | {files} |")
     return "\n".join(lines) + "\n"
 
 
