@@ -8,8 +8,9 @@ mean |ΔZ| after the best shift, as a share of the scene's depth, and the mean a
 given beside picture and light stands in the table (`summits`: their places and heights; `rim`: true slopes on the
 rim). `near`: one light at the lens, spherical camera; AbsRel of range after median alignment, over the pixels that
 all methods answer. `photograph`: the same from a stored 8-bit colour picture with highlights, where the paper takes
-R − G. `merging`: what each way of joining several singular points adds. Seconds are CPU time of one warm call on this
-machine; `faster and better`: how many rows are both faster and more accurate.
+R − G. `merging`: what each way of joining several singular points adds. `curve`: where the chain of points of
+eqs. (1)–(2) crosses itself. Seconds are CPU time of one warm call on this machine; `faster and better`: how many rows
+are both faster and more accurate.
 """
 
 import sys
@@ -19,7 +20,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
-from methods_distant import distant_table, merging_table
+from methods_distant import curve_figure, distant_table, merging_table
 from methods_near import near_table, photograph_table
 from tables import heat_map, main, pyplot, save, write_tables
 from tqdm import tqdm
@@ -70,6 +71,7 @@ def run(out: Path, quick: bool) -> dict[str, list[dict]]:
         tables[name] = make(quick, timed)
         steps.update()
     steps.close()
+    tables["curve"] = curve_figure(quick, out / "methods_curve.png")
     for row in tables["distant"]:
         row["picture"] = f"{row['scene']} {row['light']}"
     heat_map(grid_of(tables["distant"], "picture", "height"), "distant light: error of height, share of the depth",

@@ -1,6 +1,7 @@
 """The tables `distant` and `merging` of methods.py."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from baselines import (
@@ -18,6 +19,7 @@ from baselines import (
 )
 from baselines.distant import DistantImage, Relief
 from distant_scenes import LIGHTS, DistantScene, distant_scene
+from tables import pyplot, save
 
 Method = Callable[[DistantScene, DistantImage], Relief]
 FRONTAL = "(0,0,1)"
@@ -62,6 +64,37 @@ METHODS: tuple[tuple[str, str, bool | None, Method], ...] = (
     ("Kimmel & Bruckstein 1995a, order 2", "summits", True, _level_set("level-set", 2)),
     ("jaxsfs sweeping, order 2", "summits", True, _level_set("sweeping", 2)),
 )
+
+
+def curve_figure(quick: bool, path: Path) -> list[dict]:
+    """Where the chain of points of eqs. (1)–(2) breaks: two fronts that meet. Beside it the level set's fronts.
+
+    Rows: descent below the summit, crossings of the chain with itself.
+    """
+    scene = distant_scene("peaks", 65 if quick else 129)
+    image, summits = scene.image(LIGHTS[FRONTAL]), scene.summits()
+    chain = lagrangian.expand(image, summits[0, :2], 0.8 * scene.depth(), steps=200)
+    height = merging.from_known_heights(image, summits).height
+    plt = pyplot()
+    figure, axes = plt.subplots(1, 2, figsize=(11, 5.2), layout="constrained")
+    shown = [20, 60, 90, 120, 160, 200]
+    rows = []
+    for axis in axes:
+        axis.imshow(image.values, cmap="gray", vmin=0, vmax=1)
+        axis.set(xticks=[], yticks=[])
+    for index, step in enumerate(shown):
+        curve = np.concatenate([chain.curves[step], chain.curves[step][:1]])
+        crossings = lagrangian.self_intersections(chain.curves[step])
+        rows.append({"descent / depth": f"{chain.times[step] / scene.depth():.2f}", "crossings": crossings})
+        axes[0].plot(*curve.T, color=f"C{index}", lw=1.2, label=f"{rows[-1]['descent / depth']}: {crossings} crossings")
+    axes[0].set(title="chain of points, eqs. (1)–(2), from one summit", xlim=(0, len(height) - 1),
+                ylim=(len(height) - 1, 0))  # fmt: skip
+    axes[0].legend(fontsize=7, title="descent / depth")
+    levels = sorted(summits[0, 2] - chain.times[step] for step in shown)
+    axes[1].contour(height, levels=levels, colors=[f"C{i}" for i in range(len(shown))][::-1], linewidths=1.2)
+    axes[1].set(title="the same heights by the level set, from all summits")
+    save(figure, path)
+    return rows
 
 
 def distant_errors(scene: DistantScene, relief: Relief) -> tuple[float, float, float]:

@@ -102,7 +102,9 @@ def test_methods_ours_is_the_most_accurate_of_near_light_rows(tmp_path):
         for way in ("R − G of stored values", "jaxsfs highlight removal")
     )
     assert max(ours) < min(paper)
-    assert all(figure(tmp_path / f"methods_{name}.png") for name in ("distant", "near", "time"))
+    crossings = [int(row["crossings"]) for row in table(tmp_path / "methods_curve.csv")]
+    assert crossings[0] == 0 < crossings[-1]
+    assert all(figure(tmp_path / f"methods_{name}.png") for name in ("distant", "near", "time", "curve"))
 
 
 @pytest.mark.slow
