@@ -58,7 +58,6 @@ def page_of(camera: Spherical, distance, **more) -> str:
         result = Reconstruction(
             surface,
             light,
-            jnp.zeros_like(light.valid),
             statistics,
             0.8 * float(distance.min()) ** 2,
             status=Status.GOOD,
