@@ -55,6 +55,7 @@ def prepare(
     smooth_px: Scalar = 0.0,
     blood: Scalar = 0.0,
     shrink: int = 1,
+    interface: Float[np.ndarray, "3"] | None = None,
 ) -> Preparation:
     """Irradiance of a photograph of stored values (full scale 1) with highlights and clipping dealt with.
 
@@ -63,6 +64,9 @@ def prepare(
     then they are left out. `blood`: exponent s of E ← E (E/½(G + B))^s, which takes out the darkening by blood; with
     its optical densities ε in the weighted channels and ε' in green and blue s = ε/(ε' − ε), about 0.15 for red (Beer
     and Lambert). It assumes that nothing but blood colours the tissue, and needs a colour photograph.
+
+    `shrink`: highlights and clipping are dealt with on a picture of 1/shrink of the size. `interface`: the highlights'
+    colour k_s in linear light, estimated from the picture if not given.
 
     Raises ValueError as `irradiance_of` and `remove_highlights` do.
     """
@@ -76,9 +80,9 @@ def prepare(
     method = specular if readable else "off"  # what is wrong with an unreadable picture is said below
     stored = _Stored(linear, usable, clipped, counted)
     if shrink == 1 or not readable:
-        body = _body(stored, weights, limit, method)
+        body = _body(stored, weights, limit, method, interface)
     else:
-        body = _enlarged(_body(_shrunk(stored, shrink), weights, limit, method), stored, weights)
+        body = _enlarged(_body(_shrunk(stored, shrink), weights, limit, method, interface), stored, weights)
     values = body.values
     if blood:
         values = _without_blood(values, body.linear, float(blood))
@@ -118,12 +122,12 @@ class _Body(NamedTuple):
     report: SpecularReport
 
 
-def _body(stored: _Stored, weights: Weights, limit: float, method: Method) -> _Body:
+def _body(stored: _Stored, weights: Weights, limit: float, method: Method, interface) -> _Body:
     linear, usable, clipped, counted = stored
     if method == "off":
         removal = untouched(linear, counted & usable)
     else:
-        removal = remove_highlights(linear, usable, saturated=counted, method=method)
+        removal = remove_highlights(linear, usable, saturated=counted, method=method, interface=interface)
     values, unknown, measured, filled = _restored(removal, clipped, usable, weights, limit)
     filled = filled | removal.filled
     return _Body(values, removal.values, unknown, removal.highlights, measured, filled, removal.report)

@@ -77,6 +77,31 @@ def reconstruct(
     Raises ValueError for sizes that do not match, a light that does not fit the camera, no valid pixel, an initial
     curve that the brightness contradicts.
     """
+    found, _ = _found_and_misfit(
+        irradiance, camera, albedo, reflectance, light, solver, order, initial, concave, steps, occlusions, rim
+    )
+    return found
+
+
+def reconstruct_with_residual(
+    irradiance: Irradiance,
+    camera: AbstractCamera,
+    *,
+    albedo: Scalar,
+    reflectance: AbstractReflectance,
+    steps: int,
+    occlusions: Literal["auto", "off"] | Mask,
+    rim: Literal["straight", "closed"],
+) -> tuple[Reconstruction, Float[np.ndarray, "height width"]]:
+    """`reconstruct` and its `residual_map`, rendered once: for one frame of many, by the sweeps of second order."""
+    return _found_and_misfit(
+        irradiance, camera, albedo, reflectance, "camera", "sweeping", 2, None, False, steps, occlusions, rim
+    )
+
+
+def _found_and_misfit(
+    irradiance: Irradiance, camera, albedo, reflectance, light, solver, order, initial, concave, steps, occlusions, rim
+) -> tuple[Reconstruction, Float[np.ndarray, "height width"]]:
     inside = _usable(irradiance, camera)
     dtype = irradiance.values.dtype
     metric = _inverse_metrics(camera, jnp.zeros((), dtype))
@@ -84,7 +109,7 @@ def reconstruct(
     initial = (SingularPoint() if light == "distant" else Deadline()) if initial is None else initial
     known = initial.known(_mirrored(shading, concave), inside)
     if int(jnp.sum(inside)) < 4:
-        return _too_small(irradiance, camera, albedo, inside)
+        return _too_small(irradiance, camera, albedo, inside), np.full(inside.shape, np.nan, dtype)
     contours = _contours(held(irradiance), held(inside), held(known), held(reflectance), light, occlusions)
     if rim == "straight" and isinstance(shading, LightAtCamera):
         rim_pixels = find_rim(*(np.asarray(held(mask)) for mask in (inside, inside & ~contours)))
@@ -95,7 +120,9 @@ def reconstruct(
 
     distance = jnp.where(reached, shading.to_range(w), 1.0).astype(dtype)
     surface = Surface(camera, -distance if concave else distance, reached, contours)
-    mean, p95 = _residual(surface, irradiance, albedo, reflectance, light)
+    misfit = _misfit_map(*held((surface, irradiance, albedo, reflectance)), light)
+    explained = misfit[np.isfinite(misfit)]
+    mean, p95 = (float(explained.mean()), float(np.percentile(explained, 95))) if explained.size else (np.nan, np.nan)
     statistics = Statistics(
         valid_pixels=int(jnp.sum(reached)),
         unreached_pixels=int(jnp.sum(inside & ~reached)),
@@ -106,7 +133,7 @@ def reconstruct(
         residual_mean=mean,
         residual_p95=p95,
     )
-    return Reconstruction(surface, irradiance, statistics, albedo, status=status_of(statistics))
+    return Reconstruction(surface, irradiance, statistics, albedo, status=status_of(statistics)), misfit
 
 
 def scaled_to(result: Reconstruction, pixel: tuple[Scalar, Scalar], distance: Scalar) -> Reconstruction:
@@ -139,8 +166,7 @@ def residual_map(
 
     `reflectance` and `light` as in the reconstruction.
     """
-    misfit, ok = _misfit(result.surface, result.irradiance, result.albedo, reflectance, light == "distant")
-    return np.where(np.asarray(ok), np.asarray(misfit), np.nan)
+    return _misfit_map(result.surface, result.irradiance, result.albedo, reflectance, light)
 
 
 def _usable(irradiance: Irradiance, camera: AbstractCamera) -> Mask:
@@ -198,10 +224,9 @@ def _mirrored(shading: AbstractShading, concave: bool) -> AbstractShading:
     return eqx.tree_at(lambda s: s.unit, shading, -shading.unit)
 
 
-def _residual(surface: Surface, irradiance: Irradiance, albedo, reflectance, light) -> tuple[float, float]:
-    misfit, ok = _misfit(*held((surface, irradiance, albedo, reflectance)), light == "distant")
-    values = np.asarray(misfit)[np.asarray(ok)]
-    return (float(values.mean()), float(np.percentile(values, 95))) if values.size else (float("nan"), float("nan"))
+def _misfit_map(surface: Surface, irradiance: Irradiance, albedo, reflectance, light) -> Float[np.ndarray, "_ _"]:
+    misfit, ok = _misfit(surface, irradiance, albedo, reflectance, light == "distant")
+    return np.where(np.asarray(ok), np.asarray(misfit), np.nan)
 
 
 @partial(jax.jit, static_argnames="distant")

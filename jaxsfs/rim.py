@@ -11,6 +11,7 @@ Exact for planes and straight tubes; a hollow wall reads too far by part of what
 that bulges would read too near, so θ ≤ 45°.
 """
 
+import functools
 from typing import NamedTuple
 
 import cv2
@@ -19,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy import ndimage
+from scipy.spatial import KDTree
 
 from jaxsfs.differences import correlated
 from jaxsfs.reflectance import AbstractReflectance
@@ -33,7 +35,7 @@ _STEEPEST = 0.7  # cos θ: where brightness falls faster, a wall that bulges is 
 
 
 class Rim(NamedTuple):
-    """Pixels at the image's rim, and for every pixel (row, column) of the nearest one whose window lies in the image.
+    """Pixels at the image's rim, and for each of them (row, column) of the nearest one whose window lies in the image.
 
     `windows`: the pixels so named.
     """
@@ -48,21 +50,30 @@ def find_rim(usable: Bool[np.ndarray, "height width"], inside: Bool[np.ndarray, 
     """The rim of the picture's `usable` part: its pixels beside the outermost border, not those beside holes.
 
     `inside`: the pixels that a solver reads, `usable` without those on occluding contours. Pixels near a contour are
-    no rim.
+    no rim. The frames of a video share their masks: the last few answers are kept.
     """
+    kept = _rim_of(np.packbits(usable).tobytes(), np.packbits(inside).tobytes(), (len(inside), inside.shape[1]))
+    return Rim(*(jnp.asarray(field) for field in kept))
+
+
+@functools.lru_cache(maxsize=4)
+def _rim_of(usable_bits: bytes, inside_bits: bytes, shape: tuple[int, int]) -> tuple[np.ndarray, ...]:
+    bits = (np.unpackbits(np.frombuffer(b, np.uint8), count=shape[0] * shape[1]) for b in (usable_bits, inside_bits))
+    usable, inside = (mask.astype(bool).reshape(shape) for mask in bits)
     filled = ndimage.binary_fill_holes(usable)
     assert filled is not None
     rim = inside & ~_eroded(filled, 3) & ~_near(usable & ~inside)
+    row, column = np.indices(inside.shape, np.int32)
+    windows = np.zeros_like(inside)
     deep = _eroded(inside, 2 * _HALF + 1)
     if not (rim.any() and deep.any()):
-        none, nowhere = jnp.zeros(inside.shape, bool), jnp.zeros(inside.shape, jnp.int32)
-        return Rim(none, nowhere, nowhere, none)
-    row, column = np.asarray(ndimage.distance_transform_edt(~deep, return_distances=False, return_indices=True))
-    away = np.hypot(row - np.arange(len(row))[:, None], column - np.arange(row.shape[1]))
-    rim &= away < _HALF + 2.5
-    windows = np.zeros_like(inside)
+        return np.zeros_like(rim), row, column, windows
+    border = np.argwhere(deep & ~_eroded(deep, 3))
+    away, nearest = KDTree(border).query(np.argwhere(rim), distance_upper_bound=_HALF + 2.5)
+    rim[rim] = np.isfinite(away)
+    row[rim], column[rim] = border[nearest[np.isfinite(away)]].T
     windows[row[rim], column[rim]] = True
-    return Rim(*(jnp.asarray(field) for field in (rim, row.astype(np.int32), column.astype(np.int32), windows)))
+    return rim, row, column, windows
 
 
 def _eroded(mask: Bool[np.ndarray, "height width"], size: int) -> Bool[np.ndarray, "height width"]:

@@ -5,6 +5,7 @@ from typing import Annotated
 from jaxsfs.cli._options import FLAT
 from jaxsfs.cli._terminal import jax_session
 from jaxsfs.cli._video_options import VideoOptions
+from jaxsfs.video._worker import pin_threads
 
 
 def video(options: Annotated[VideoOptions, FLAT]) -> int:
@@ -18,6 +19,7 @@ def video(options: Annotated[VideoOptions, FLAT]) -> int:
     camera and settings as attributes. What was interrupted goes on with the same command; a frame that cannot be used
     gets a status and stops nothing. Exit code 3: fewer than half of the frames can be trusted.
     """
+    pin_threads()  # frames are what is done side by side
     with jax_session(32):
         from jaxsfs.cli._video_run import run
 

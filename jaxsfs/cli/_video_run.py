@@ -21,9 +21,9 @@ from jaxsfs.cli._video_options import VideoOptions
 from jaxsfs.files._frames import AbstractFrames, open_frames
 from jaxsfs.files._photo import photo_of
 from jaxsfs.files._store import FrameStore, create_store
-from jaxsfs.frames import FIGURES, STATUSES, common_mask, common_smoothing, shrink_for
+from jaxsfs.frames import FIGURES, STATUSES, common_highlight, common_mask, common_smoothing, shrink_for
 from jaxsfs.photo import size_message
-from jaxsfs.video._job import Job, packed, read_frames
+from jaxsfs.video._job import Job, packed, read_frames, settings_of
 
 _NOT_TRUSTWORTHY, _INTERRUPTED = 3, 130
 _LOOKED_AT = 7  # frames that mask and smoothing are chosen from
@@ -88,6 +88,7 @@ def _job(options: VideoOptions, frames: AbstractFrames, chosen: range) -> tuple[
         **texts,
         albedo=float(settings.albedo.value),
         specular=options.specular,
+        highlight=None,
         shrink=options.shrink or shrink_for(file.camera),
         smooth_px=float(sigma),
         occlusions=options.occlusions,
@@ -95,9 +96,11 @@ def _job(options: VideoOptions, frames: AbstractFrames, chosen: range) -> tuple[
         rounds=options.rounds,
         scale=options.scale,
     )
+    job = dataclasses.replace(job, highlight=common_highlight(some, settings_of(job)))
     kept = ("specular", "shrink", "occlusions", "rim", "rounds", "scale")
     origins = {name: getattr(settings, name).as_dict() for name in (*texts, "albedo")}
     origins |= {"mask": mask_origin.as_dict(), "smooth_px": Setting(sigma, sigma_origin).as_dict()}
+    origins["highlight"] = Setting(job.highlight, f"from {len(some)} frames").as_dict()
     origins |= {name: _given_or_default(options, name, getattr(job, name)) for name in kept}
     unit = "median range of the frame" if options.scale == "frame" else settings.unit
     attributes = {

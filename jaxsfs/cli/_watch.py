@@ -8,6 +8,7 @@ from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
 from jaxsfs.cli._terminal import CannotRun, jax_session
+from jaxsfs.video._worker import pin_threads
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,6 +51,7 @@ def watch(options: Annotated[WatchOptions, FLAT]) -> int:
     A frame that comes while another is being solved is dropped, so the picture does not lag; a video file plays at its
     own speed. The colours are those of each frame's own range. Ctrl-C ends it.
     """
+    pin_threads()  # reading, solving and showing are what is done side by side
     with jax_session(32):
         from jaxsfs.cli._watch_run import run
 

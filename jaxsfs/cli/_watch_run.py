@@ -1,6 +1,7 @@
 """What `jaxsfs watch` does: the newest frame, its surface, an overlay shown or written; and again."""
 
 import contextlib
+import dataclasses
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -16,7 +17,7 @@ from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._terminal import CannotRun, progress, say
 from jaxsfs.cli._watch import WatchOptions
 from jaxsfs.files._photo import photo_of
-from jaxsfs.frames import FrameSettings, common_mask, common_smoothing, reconstruct_frame, shrink_for
+from jaxsfs.frames import FrameSettings, common_highlight, common_mask, common_smoothing, reconstruct_frame, shrink_for
 from jaxsfs.photo import size_message
 from jaxsfs.watch import Newest, Page, overlay
 
@@ -92,7 +93,7 @@ def _settings(options: WatchOptions, file: CameraFile, frame: np.ndarray) -> Fra
     small = _reduced(frame, options.reduce)
     mask, _ = common_mask([small], chosen.response.value)
     camera = file.camera.resized(small.shape[1], small.shape[0])
-    return FrameSettings(
+    settings = FrameSettings(
         camera=camera,
         mask=mask,
         **{name: chosen.parsed(name) for name in ("response", "falloff", "reflectance")},
@@ -104,6 +105,7 @@ def _settings(options: WatchOptions, file: CameraFile, frame: np.ndarray) -> Fra
         occlusions="off",
         rounds=4,
     )
+    return dataclasses.replace(settings, highlight=common_highlight([small], settings))
 
 
 def _reduced(frame: np.ndarray, times: int) -> np.ndarray:

@@ -23,3 +23,4 @@ from jaxsfs.specular._removal import (
     remove_highlights as remove_highlights,
     untouched as untouched,
 )
+from jaxsfs.specular._split import ESTIMATED as ESTIMATED

@@ -15,6 +15,7 @@ Colours = Float[np.ndarray, "height width 3"]
 Grey = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
 
+ESTIMATED = "estimated from the highlights"
 GREYEST = 0.08  # saturation of the body below which its colour gives no signal
 NEIGHBOURHOOD = 0.06  # σ of the local body colour, share of the short side
 
@@ -66,7 +67,7 @@ def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -
         if estimate is None or saturation(k_d, estimate) < GREYEST:
             break
         found = _split_with(linear, data, k_d, estimate, covariance, sample, found.highlights, _ROUNDS // 2)
-        origin = "estimated from the highlights"
+        origin = ESTIMATED
     return found._replace(interface_origin=origin)
 
 

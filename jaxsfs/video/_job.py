@@ -32,12 +32,16 @@ class Job:
     channel: str
     albedo: float
     specular: Literal["auto", "mask", "dichromatic", "off"]
+    highlight: tuple[float, float, float] | None
     shrink: int
     smooth_px: float
     occlusions: Literal["auto", "off"]
     rim: Literal["straight", "closed"]
     rounds: int
     scale: Literal["locked", "frame"]
+
+
+_AS_GIVEN = ("albedo", "specular", "highlight", "shrink", "smooth_px", "occlusions", "rim", "rounds", "scale")
 
 
 def packed(mask: np.ndarray) -> bytes:
@@ -65,10 +69,7 @@ def settings_of(job: Job) -> "FrameSettings":
         falloff=parse_falloff(job.falloff),
         reflectance=parse_reflectance(job.reflectance),
         weights=parse_channel(job.channel),
-        **{
-            name: getattr(job, name)
-            for name in ("albedo", "specular", "shrink", "smooth_px", "occlusions", "rim", "rounds", "scale")
-        },
+        **{name: getattr(job, name) for name in _AS_GIVEN},
     )
 
 
