@@ -104,7 +104,7 @@ def _found_and_misfit(
 ) -> tuple[Reconstruction, Float[np.ndarray, "height width"]]:
     inside = _usable(irradiance, camera)
     dtype = irradiance.values.dtype
-    metric = _inverse_metrics(camera, jnp.zeros((), dtype))
+    metric = camera.inverse_metrics(dtype)
     shading, metric = _shading(irradiance, inside, camera, metric, albedo, reflectance, light)
     initial = (SingularPoint() if light == "distant" else Deadline()) if initial is None else initial
     known = initial.known(_mirrored(shading, concave), inside)
@@ -120,7 +120,8 @@ def _found_and_misfit(
 
     distance = jnp.where(reached, shading.to_range(w), 1.0).astype(dtype)
     surface = Surface(camera, -distance if concave else distance, reached, contours)
-    misfit = _misfit_map(*held((surface, irradiance, albedo, reflectance)), light)
+    shown, seen, gain, form = held((surface, irradiance, albedo, reflectance))
+    misfit = _misfit_map(shown, seen, gain, form, light)
     explained = misfit[np.isfinite(misfit)]
     mean, p95 = (float(explained.mean()), float(np.percentile(explained, 95))) if explained.size else (np.nan, np.nan)
     statistics = Statistics(
@@ -176,7 +177,7 @@ def _usable(irradiance: Irradiance, camera: AbstractCamera) -> Mask:
             f"the image is {shape[1]} x {shape[0]} px but the camera {camera.width} x {camera.height} px: "
             f"use the camera of this image size (camera.resized or camera.cropped)"
         )
-    usable = irradiance.valid & _field(camera) & jnp.isfinite(irradiance.values) & (irradiance.values > 0)
+    usable = irradiance.valid & camera.field() & jnp.isfinite(irradiance.values) & (irradiance.values > 0)
     if not bool(jnp.any(usable)):
         raise ValueError("no pixel is valid, has irradiance above 0 and a ray of the camera: check mask and exposure")
     return usable
@@ -244,13 +245,3 @@ def _too_small(irradiance: Irradiance, camera, albedo: Scalar, inside: Mask) -> 
     surface = Surface(camera, jnp.ones_like(irradiance.values), nothing, nothing)
     statistics = Statistics(0, int(jnp.sum(inside)), 0, 0, "rounds", 0.0, float("nan"), float("nan"))
     return Reconstruction(surface, irradiance, statistics, albedo, status=Status.FEW_PIXELS)
-
-
-@jax.jit
-def _field(camera: AbstractCamera) -> Mask:
-    return camera.field()
-
-
-@jax.jit
-def _inverse_metrics(camera: AbstractCamera, like: Float[Array, ""]) -> Float[Array, "height width 2 2"]:
-    return camera.inverse_metrics(like.dtype)

@@ -71,7 +71,7 @@ def _rim_of(usable_bits: bytes, inside_bits: bytes, shape: tuple[int, int]) -> t
     border = np.argwhere(deep & ~_eroded(deep, 3))
     away, nearest = KDTree(border).query(np.argwhere(rim), distance_upper_bound=_HALF + 2.5)
     rim[rim] = np.isfinite(away)
-    row[rim], column[rim] = border[nearest[np.isfinite(away)]].T
+    row[rim], column[rim] = border[np.asarray(nearest)[np.isfinite(away)]].T
     windows[row[rim], column[rim]] = True
     return rim, row, column, windows
 

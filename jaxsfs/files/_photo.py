@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Shaped, UInt8
 
 from jaxsfs.files._atomic import InputError, read_bytes
 
-_READABLE = "PNG, JPEG, BMP, TIFF, WebP or NPY"
+_READABLE = "PNG, JPEG, BMP, TIFF, WebP, NPY or a DICOM still"
 
 
 class Photo(eqx.Module):
@@ -37,7 +37,8 @@ class Photo(eqx.Module):
 
 
 def read_image(path: str | Path) -> Photo:
-    """The photograph in a PNG, JPEG, BMP, TIFF, WebP or NPY file (8 or 16 bit, or float; told by content, not name).
+    """The photograph in a PNG, JPEG, BMP, TIFF, WebP, NPY or DICOM file (8 or 16 bit, or float; told by content, not
+    name). Nothing but pixels is taken from a DICOM file, which needs the extra dicom.
 
     Rows and columns are those that the file stores: an EXIF orientation is ignored on purpose, because the camera
     file refers to stored pixels. Raises InputError for a file that is missing, cannot be decoded or is cut short, for
@@ -106,6 +107,8 @@ def _decoded(path: Path) -> tuple[np.ndarray, str]:
 def _decode(path: Path) -> tuple[np.ndarray, str]:
     """The stored array, colour in the order red, green, blue, and the file's format."""
     data = read_bytes(path)
+    if data[128:132] == b"DICM":
+        return _decode_dicom(path), "other"
     if data.startswith(b"\x93NUMPY"):
         return _decode_npy(data, path), "npy"
     if data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
@@ -115,6 +118,18 @@ def _decode(path: Path) -> tuple[np.ndarray, str]:
     if jpeg and data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):
         raise InputError(f"{path} is cut short: the JPEG has no end; copy or export it again")
     return _decode_opencv(data, path), "jpeg" if jpeg else "png" if data.startswith(b"\x89PNG") else "other"
+
+
+def _decode_dicom(path: Path) -> np.ndarray:
+    from jaxsfs.files._dicom import open_dicom
+
+    frames = open_dicom(path)
+    try:
+        if frames.count != 1:
+            raise InputError(f"{path} holds {frames.count} frames; expected one picture (jaxsfs video takes several)")
+        return frames.read(0)
+    finally:
+        frames.close()
 
 
 def _decode_npy(data: bytes, path: Path) -> np.ndarray:
