@@ -67,5 +67,7 @@ def _drawn(photo, time, moment: float, lines, trails, text: str) -> UInt8[np.nda
 def _front(time: Float[np.ndarray, "height width"], moment: float) -> list[np.ndarray]:
     """The level set as polylines for OpenCV: (u, v) in sixteenths of a pixel."""
     known = np.isfinite(time)
+    if min(known.shape) < 2:
+        return []
     lines = find_contours(np.where(known, time, 0), moment, mask=known)
     return [np.round(16 * line[:, ::-1]).astype(np.int32)[:, None] for line in lines]

@@ -3,7 +3,6 @@
 from typing import Any, Literal
 
 import equinox as eqx
-import jax
 import numpy as np
 import trimesh
 from jaxtyping import Float
@@ -68,16 +67,11 @@ def cumulative(found: Comparison, thresholds: tuple[float, ...] = _THRESHOLDS) -
 
 def by_angle(found: Comparison, camera: AbstractCamera, step_deg: float = 10.0) -> list[dict[str, Any]]:
     """AbsRel in rings of `step_deg` degrees from the optical axis: rows of from, to, pixels, abs_rel, p95_rel."""
-    axial = np.asarray(_rays(camera))[..., 2]
+    axial = np.asarray(camera.rays())[..., 2]
     angle = np.rad2deg(np.arccos(np.clip(axial, -1, 1)))
     widest = max(float(angle[found.compared].max()), step_deg)
     edges = step_deg * np.arange(int(np.ceil(widest / step_deg - 1e-9)) + 1)
     return _binned(found, angle, edges)
-
-
-@jax.jit
-def _rays(camera: AbstractCamera):
-    return camera.rays()
 
 
 def by_length(found: Comparison, bins: int = 8) -> list[dict[str, Any]]:

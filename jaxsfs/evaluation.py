@@ -195,15 +195,9 @@ def convert_quantity(
         return values
     if camera is None:
         raise ValueError(f"to compare {wanted} where {given} is given, a camera is needed")
-    rays, field = _rays_and_field(camera)
-    axial = np.asarray(rays[..., 2], np.float64)
-    axial = np.where(np.asarray(field) & (axial > 0), axial, np.nan)
+    axial = np.asarray(camera.rays()[..., 2], np.float64)
+    axial = np.where(np.asarray(camera.field()) & (axial > 0), axial, np.nan)
     return values * axial if wanted == "depth" else values / axial
-
-
-@eqx.filter_jit
-def _rays_and_field(camera: AbstractCamera):
-    return camera.rays(), camera.field()
 
 
 def _positive(values: np.ndarray) -> np.ndarray:

@@ -202,6 +202,7 @@ class DistantLight(AbstractShading):
         return self.quadratic_balance()
 
 
+@jax.jit
 def light_at_camera(
     irradiance: Image, inside: Bool[Array, "height width"], albedo: Scalar, reflectance: AbstractReflectance
 ) -> LightAtCamera:

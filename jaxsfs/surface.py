@@ -22,6 +22,7 @@ class Surface(eqx.Module):
     valid: Bool[Array, "height width"]
     contours: Bool[Array, "height width"] | None = None
 
+    @jax.jit  # one program: operation by operation, a camera compiles dozens
     def points(self) -> Float[Array, "height width 3"]:
         """Points in the camera frame (x right, y down, z forward), eq. (13); meaningless where not valid."""
         pixels = self.camera.pixels(self.range.dtype)
@@ -31,6 +32,7 @@ class Surface(eqx.Module):
         """z of the points (eq. 12). Not the range."""
         return self.points()[..., 2]
 
+    @jax.jit
     def normals(self) -> tuple[Float[Array, "height width 3"], Bool[Array, "height width"]]:
         """Unit normals towards the camera, and where they exist.
 
@@ -54,6 +56,7 @@ class Surface(eqx.Module):
         pixels = self.camera.pixels(self.range.dtype)
         return jax.vmap(jax.vmap(normal))(pixels, safe, gradient), ok
 
+    @jax.jit
     def cosines(self) -> tuple[Float[Array, "height width"], Bool[Array, "height width"]]:
         """cos θ between normal and direction to the camera, and where it exists."""
         normals, ok = self.normals()

@@ -8,6 +8,7 @@
 
 import abc
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -76,15 +77,15 @@ class AbstractCamera(eqx.Module):
 
     def rays(self, dtype: jnp.dtype | None = None) -> Float[Array, "height width 3"]:
         """Unit ray of every pixel."""
-        return over_image(self.ray)(self.pixels(dtype))
+        return _rays(self, jnp.result_type(float) if dtype is None else dtype)
 
     def inverse_metrics(self, dtype: jnp.dtype | None = None) -> Float[Array, "height width 2 2"]:
         """g^{ij} at every pixel."""
-        return over_image(self.inverse_metric)(self.pixels(dtype))
+        return _inverse_metrics(self, jnp.result_type(float) if dtype is None else dtype)
 
     def field(self, dtype: jnp.dtype | None = None) -> Bool[Array, "height width"]:
         """Pixels that have a ray."""
-        return over_image(self.is_valid)(self.pixels(dtype))
+        return _field(self, jnp.result_type(float) if dtype is None else dtype)
 
 
 class AbstractCentralCamera(AbstractCamera):
@@ -102,6 +103,24 @@ class AbstractCentralCamera(AbstractCamera):
         and P is the pseudo-inverse of ∂ray/∂pixel."""
         jacobian = jax.jacfwd(self.project)(self.ray(pixel))
         return jacobian @ jacobian.T
+
+
+# One program each: operation by operation, a ray that is a root compiles some forty.
+
+
+@functools.partial(jax.jit, static_argnames="dtype")
+def _rays(camera: AbstractCamera, dtype) -> Float[Array, "height width 3"]:
+    return over_image(camera.ray)(camera.pixels(dtype))
+
+
+@functools.partial(jax.jit, static_argnames="dtype")
+def _inverse_metrics(camera: AbstractCamera, dtype) -> Float[Array, "height width 2 2"]:
+    return over_image(camera.inverse_metric)(camera.pixels(dtype))
+
+
+@functools.partial(jax.jit, static_argnames="dtype")
+def _field(camera: AbstractCamera, dtype) -> Bool[Array, "height width"]:
+    return over_image(camera.is_valid)(camera.pixels(dtype))
 
 
 def over_image(function: Callable) -> Callable:

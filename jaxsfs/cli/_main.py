@@ -7,6 +7,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 
+from jaxsfs.cli._interruption import interruptible
 from jaxsfs.cli._terminal import CannotRun, command_line, quiet
 
 # name → module, function, one line for `jaxsfs --help`
@@ -65,7 +66,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        code = _run(words)
+        with interruptible():
+            code = _run(words)
         sys.stdout.flush()  # so that a broken pipe shows here
         return code
     except KeyboardInterrupt:

@@ -12,11 +12,7 @@ def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
     left_out = [f"{photo[key]} {key.replace('_', ' ')}" for key in ("outside", "no_ray", "clipped", "black")]
     rows = [
         ("status", record["status"]["message"]),
-        (
-            "range",
-            f"{_number(lengths['nearest'])} to {_number(lengths['farthest'])} {unit}, "
-            f"median {_number(lengths['median'])}",
-        ),
+        ("range", _range(lengths, unit)),
         *_uncertainty(record.get("uncertainty"), unit),
         ("pixels", f"{photo['used']} of {photo['pixels']} used ({', '.join(left_out)})"),
         ("highlights", _preparation(record["figures"]["preparation"])),
@@ -66,3 +62,10 @@ def _preparation(figures: Mapping[str, Any]) -> str:
 
 def _number(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _range(lengths: Mapping[str, Any], unit: str) -> str:
+    if lengths["median"] is None:
+        return "no surface"
+    nearest, median, farthest = (_number(lengths[name]) for name in ("nearest", "median", "farthest"))
+    return f"{nearest} to {farthest} {unit}, median {median}"

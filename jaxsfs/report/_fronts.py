@@ -56,6 +56,8 @@ def front_levels(distance: Map, logarithmic: bool) -> list[float]:
 
 def _contours(level: float, distance: Map, valid: Bool[np.ndarray, "height width"], step: int) -> list[Line]:
     """The contours (v, u) in px of the photograph, the longest last."""
+    if min(distance[::step, ::step].shape) < 2:
+        return []
     lines = find_contours(distance[::step, ::step], level, mask=valid[::step, ::step])
     return [step * line for line in sorted(lines, key=len) if len(line) >= _SMALLEST]
 
