@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from collections.abc import Callable
 
 import pytest
 
@@ -11,10 +12,15 @@ from jaxsfs.cli._interruption import interruptible
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this platform has no SIGALRM")
 
 
+def run(what: Callable[[], None]) -> None:
+    with interruptible():
+        what()
+        time.sleep(5)  # long enough for an interrupt that comes later
+
+
 def test_at_once():
-    with pytest.raises(KeyboardInterrupt), interruptible():
-        os.kill(os.getpid(), signal.SIGINT)
-        pytest.fail("the interrupt did not come")
+    with pytest.raises(KeyboardInterrupt):
+        run(lambda: os.kill(os.getpid(), signal.SIGINT))
 
 
 def test_later_if_it_comes_within_a_callback_that_would_swallow_it():
@@ -24,10 +30,8 @@ def test_later_if_it_comes_within_a_callback_that_would_swallow_it():
         os.kill(os.getpid(), signal.SIGINT)
         came.append("finished")
 
-    with pytest.raises(KeyboardInterrupt), interruptible():
-        _xla_gc_callback()
-        time.sleep(5)
-        pytest.fail("the interrupt was lost")
+    with pytest.raises(KeyboardInterrupt):
+        run(_xla_gc_callback)
     assert came == ["finished"]
 
 
