@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxsfs.calibration import LENSES, PlanePose, tilted
-from jaxsfs.calibration._lens import camera_of, ray_and_slope, start_lens
+from jaxsfs.calibration._lens import camera_of, rays, start_lens
 from jaxsfs.calibration._plane import rotate, rotation_vector
 
 SHAPES = {
@@ -30,29 +30,35 @@ def test_profile_and_slope_are_those_of_the_camera(name):
     lens = lens_vector(name)
     camera = camera_of(name, lens, 640, 480)
     pixels = jnp.array([[318.5, 241.26], [400.0, 300.0], [150.0, 90.0], [505.0, 250.0], [320.0, 470.0]])
-    build = jnp.asarray(LENSES[name].build)
-    rays, slopes = jax.vmap(lambda p: ray_and_slope(build, jnp.asarray(lens), p))(pixels)
-    np.testing.assert_allclose(rays, jax.vmap(camera.ray)(pixels), atol=2e-9)
-    np.testing.assert_allclose(slopes, jax.vmap(jax.jacfwd(camera.ray))(pixels), atol=2e-7)
+    seen = rays(LENSES[name].build, lens, np.array(pixels))
+    np.testing.assert_allclose(seen.ray, jax.vmap(camera.ray)(pixels), atol=2e-9)
+    np.testing.assert_allclose(seen.slope, jax.vmap(jax.jacfwd(camera.ray))(pixels), atol=2e-7)
 
 
 @pytest.mark.parametrize("name", LENSES)
 def test_derivatives_with_respect_to_the_lens_are_those_of_the_camera(name):
-    lens = jnp.asarray(lens_vector(name))
-    build, pixel, step = jnp.asarray(LENSES[name].build), jnp.array([430.0, 320.0]), 1e-5
-    jacobian = jax.jacfwd(lambda q: ray_and_slope(build, q, pixel)[0])(lens)
+    lens, pixel, step = lens_vector(name), np.array([430.0, 320.0]), 1e-5
+    jacobian = rays(LENSES[name].build, lens, pixel[None]).by_lens[0]
     for column in (0, 1, 2, 3, *range(4, 4 + LENSES[name].shapes)):
-        change = jnp.zeros(8).at[column].set(step)
-        plus = camera_of(name, np.array(lens + change), 640, 480).ray(pixel)
-        minus = camera_of(name, np.array(lens - change), 640, 480).ray(pixel)
+        change = step * np.eye(8)[column]
+        plus = camera_of(name, lens + change, 640, 480).ray(jnp.asarray(pixel))
+        minus = camera_of(name, lens - change, 640, 480).ray(jnp.asarray(pixel))
         np.testing.assert_allclose(jacobian[:, column], (plus - minus) / (2 * step), rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.parametrize("name", LENSES)
+def test_compiled_fits_and_host_use_the_same_profile(name):
+    lens, pixels = lens_vector(name), np.array([[400.0, 300.0], [150.0, 90.0]])
+    compiled = jax.jit(rays)(LENSES[name].build, lens, pixels)
+    for own, other in zip(rays(LENSES[name].build, lens, pixels), compiled, strict=True):
+        np.testing.assert_allclose(own, other, rtol=1e-12, atol=1e-14)
+
+
 def test_a_radius_beyond_the_sine_leads_back_instead_of_failing():
-    lens, build = jnp.asarray(start_lens(100.0, 0.0, 0.0)), jnp.asarray(LENSES["spherical"].build)
-    value, slope = jax.value_and_grad(lambda q: ray_and_slope(build, q, jnp.array([130.0, 0.0]))[0][2])(lens)
-    assert jnp.isfinite(value)
-    assert slope[0] > 0  # a larger f turns the ray towards the axis
+    seen = rays(LENSES["spherical"].build, start_lens(100.0, 0.0, 0.0), np.array([[105.0, 0.0]]))
+    assert np.isfinite(seen.ray).all()
+    # a larger f turns the ray towards the axis
+    assert seen.by_lens[0, :, 0] @ np.cross(np.cross(seen.ray[0], [0.0, 0.0, 1.0]), seen.ray[0]) > 0
 
 
 def test_pose_maps_target_to_camera_and_back():

@@ -7,13 +7,14 @@ and it also predicts left-out groups better: edges share errors of some hundredt
 import dataclasses
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
-from jaxsfs.calibration._fit import Fit, Setup, fit, free_for
-from jaxsfs.calibration._lens import LENSES, SHAPE, lens_named
+from jaxsfs.calibration._fit import Fit, Setup, fit, free_for, rays_of
+from jaxsfs.calibration._lens import LENS_SIZE, LENSES, SHAPE, lens_named
 from jaxsfs.calibration._uncertainty import left_out_steps
 
 DECISIVE = 10.0
+_LEAST_F = 1.03  # of a start, over the outermost radius used
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,9 +49,7 @@ def compare(
     scores = []
     weight = flexible.weight
     for name in LENSES:
-        begin = flexible.parameters.copy()
-        shapes = lens_named(name).like_sine
-        begin[SHAPE : SHAPE + len(shapes)] = shapes
+        begin = flexible.parameters if name == flexible.name else _start(name, flexible)
         found = fit(name, setup, begin, weight, rounds=1, noise=flexible.noise)
         if not found.success or not np.isfinite(found.residual).all():
             continue
@@ -61,6 +60,17 @@ def compare(
         bic = independent * count * np.log(square / count) + free_for(name, setup).sum() * np.log(independent * count)
         scores.append(ModelScore(name, found, float(rms), float(bic), held_out_rms(found, groups)))
     return sorted(scores, key=lambda score: score.bic)
+
+
+def _start(name: str, flexible: Fit) -> Float[np.ndarray, " size"]:
+    """The parameters of `flexible` with a lens near r = f sin α: f from its rays, above the outermost radius used."""
+    pixel, parameters = flexible.setup.observations.pixel[flexible.weight > 0], flexible.parameters.copy()
+    radius, sine = np.hypot(*(pixel - parameters[1:3]).T), np.hypot(*rays_of(flexible, pixel)[:, :2].T)
+    parameters[0] = np.log(max(np.sum(radius * sine) / np.sum(sine**2), _LEAST_F * radius.max()))
+    parameters[SHAPE:LENS_SIZE] = 0.0
+    shapes = lens_named(name).like_sine
+    parameters[SHAPE : SHAPE + len(shapes)] = shapes
+    return parameters
 
 
 def held_out_rms(found: Fit, groups: Int[np.ndarray, " count"]) -> float:

@@ -2,20 +2,20 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
-from jaxsfs.calibration._lens import ASPECT, LENS_SIZE, SHAPE, camera_of, lens_named, rays_and_slopes
-from jaxsfs.calibration._plane import PlanePose
-from jaxsfs.calibration._problem import VIEW_SIZE, VIEWS_AT, Problem, Rows, pad, pose_from
-from jaxsfs.calibration._solve import Solution, solve
+from jaxsfs.calibration._lens import ASPECT, LENS_SIZE, SHAPE, camera_of, lens_named, rays
+from jaxsfs.calibration._plane import PlanePose, points_on_plane, pose_from
+from jaxsfs.calibration._problem import VIEW_SIZE, VIEWS_AT, Observations, Problem, Rows, padded, weighted
+from jaxsfs.calibration._residuals import look, metric, residuals
+from jaxsfs.calibration._solve import solve
 from jaxsfs.camera import AbstractCentralCamera
 
 CULL = 3.5  # robust standard deviations
 _NOISE_FLOOR = 0.01  # px
+_LONGEST = 100.0  # f over the image width, at most
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,9 +85,20 @@ class Fit:
         square = np.sum(self.residual**2, axis=1)
         return float(np.sqrt(np.sum(self.weight * square) / max(np.sum(self.weight), 1)))
 
-    def pose(self, view: int) -> PlanePose:
-        at = VIEWS_AT + VIEW_SIZE * view
-        return pose_from(jnp.asarray(self.parameters[at : at + VIEW_SIZE]))
+    def view(self, index: int) -> Float[np.ndarray, "6"]:
+        """The six numbers of a photograph's pose."""
+        at = VIEWS_AT + VIEW_SIZE * index
+        return self.parameters[at : at + VIEW_SIZE]
+
+    def pose(self, index: int) -> PlanePose:
+        return pose_from(self.view(index))
+
+
+def observed(fitted: "Fit") -> Observations:
+    """The observations as the fit weighed them."""
+    setup = fitted.setup
+    weight = fitted.weight * setup.scale
+    return weighted(setup.observations, weight, lens_named(fitted.name).build, setup.kind, setup.groups)
 
 
 def rays_of(fitted: "Fit", pixel: Float[np.ndarray, "count 2"]) -> Float[np.ndarray, "count 3"]:
@@ -99,29 +110,12 @@ def lens_rays(
     name: str, lens: Float[np.ndarray, "8"], pixel: Float[np.ndarray, "count 2"]
 ) -> Float[np.ndarray, "count 3"]:
     """Unit rays of the pixels for a parameter vector."""
-    return _padded_call(_rays, name, lens, pixel)
+    return np.asarray(rays(lens_named(name).build, lens, pixel).ray)
 
 
 def plane_points(fitted: "Fit", pixel: Float[np.ndarray, "count 2"], view: int = 0) -> Float[np.ndarray, "count 2"]:
     """Target coordinates (mm) that the pixels see on the fitted plane of a photograph."""
-    return _padded_call(_on_plane, fitted.name, fitted.parameters[:LENS_SIZE], pixel, fitted.pose(view))
-
-
-def _padded_call(function, name: str, lens, pixel: Float[np.ndarray, "count 2"], *more) -> np.ndarray:
-    size = max(1024, 1 << (len(pixel) - 1).bit_length())
-    padded = jnp.asarray(np.concatenate([pixel, np.repeat(pixel[:1], size - len(pixel), axis=0)]))
-    build = jnp.asarray(lens_named(name).build)
-    return np.array(function(build, jnp.asarray(lens), padded, *more))[: len(pixel)]
-
-
-@eqx.filter_jit
-def _rays(build, lens, pixels: Float[Array, "count 2"]) -> Float[Array, "count 3"]:
-    return rays_and_slopes(build, lens, pixels)[0]
-
-
-@eqx.filter_jit
-def _on_plane(build, lens, pixels: Float[Array, "count 2"], pose: PlanePose) -> Float[Array, "count 2"]:
-    return jax.vmap(pose.on_target)(rays_and_slopes(build, lens, pixels)[0])
+    return points_on_plane(fitted.view(view), rays_of(fitted, pixel))[0]
 
 
 def free_for(name: str, setup: Setup) -> Bool[np.ndarray, " size"]:
@@ -151,10 +145,10 @@ def fit(
     for turn in range(rounds):
         if turn:
             solution = _solve(name, setup, parameters, kept, noise)
-        if not bool(solution.success):
+        if not solution.success:
             break
-        parameters = np.array(solution.parameters)
-        residual = np.array(solution.residual)
+        parameters = solution.parameters
+        residual = solution.residual
         residual = residual * setup.scale[:, None]
         new_noise = max(robust_sd(residual[kept > 0]), _NOISE_FLOOR)
         distance = np.sqrt(np.mean(residual**2, axis=1))
@@ -177,35 +171,64 @@ def robust_sd(residual: Float[np.ndarray, "..."]) -> float:
     return float(1.4826 * np.median(np.abs(residual))) if residual.size else 0.0
 
 
-def _solve(name: str, setup: Setup, start, weight, noise: float) -> Solution:
-    count = len(weight)
-    size = max(1024, 1 << (count - 1).bit_length())
-    free = free_for(name, setup)
+@dataclasses.dataclass(frozen=True)
+class _Solved:
+    """Parameters with their unweighted residuals in px and the Jacobian of residual · weight/noise."""
+
+    parameters: Float[np.ndarray, " size"]
+    residual: Float[np.ndarray, "count parts"]
+    jacobian: Float[np.ndarray, "count parts size"]
+    success: bool
+
+
+def _solve(name: str, setup: Setup, start, weight, noise: float) -> _Solved:
+    scaled = weight * setup.scale
+    seen = weighted(setup.observations, scaled, lens_named(name).build, setup.kind, setup.groups)
     views = max(1, 1 << (setup.views - 1).bit_length()) if setup.views else 0
-    more = VIEWS_AT + VIEW_SIZE * views - len(start)
-    problem = Problem(
-        observations=pad(setup.observations, weight * setup.scale, size),
-        build=jnp.asarray(lens_named(name).build),
-        free=jnp.asarray(np.pad(free, (0, more))),
-        prior=jnp.asarray(np.pad(setup.prior, (0, more))),
-        prior_weight=jnp.asarray(np.pad(1 / setup.prior_sd, (0, more))),
-        kind=setup.kind,
-        groups=setup.groups,
-    )
-    found = solve(problem, jnp.asarray(np.pad(start, (0, more))), jnp.asarray(noise))
-    cut = len(start)
-    trimmed = Solution(
-        found.parameters[:cut], found.residual[:count], found.jacobian[:count, :, :cut], found.success, found.steps
-    )
-    return jax.block_until_ready(trimmed)
+    more = (0, VIEWS_AT + VIEW_SIZE * views - len(start))
+    _, held, slope = _at(seen, start, scaled / noise)
+    free, prior_weight = free_for(name, setup), 1 / setup.prior_sd
+    scale = np.where(free, 1 / np.sqrt(np.sum(slope**2, axis=(0, 1)) + prior_weight**2), 1.0)
+    device, held = padded(seen, held, max(1024, 1 << (len(weight) - 1).bit_length()))
+    parts = [np.pad(part, more) for part in (free, setup.prior, prior_weight, start, scale)]
+    free, prior, prior_weight, begin, scale, divisor = jax.device_put([*parts, np.asarray(float(noise))])
+    problem = Problem(device, held, free, prior, prior_weight)
+    found = solve(problem, begin, scale, divisor)  # pyright: ignore[reportCallIssue] -- of a partial decorator
+    parameters = np.array(found.parameters)[: len(start)]
+    residual, _, jacobian = _at(seen, parameters, scaled / noise)
+    finite = bool(np.isfinite(parameters).all() and np.isfinite(residual).all() and np.isfinite(jacobian).all())
+    # with f → ∞ all rays become one, and fit any line
+    sane = finite and bool(parameters[0] < np.log(_LONGEST * setup.size[0]))
+    return _Solved(parameters, residual, jacobian, bool(found.success) and sane)
 
 
-def _as_fit(name: str, setup: Setup, solution: Solution, weight, noise: float) -> Fit:
-    parameters, residual = np.array(solution.parameters), np.array(solution.residual)
+def _at(seen: Observations, parameters, factor) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residuals, metric, and Jacobian of the residuals times `factor`."""
+    with np.errstate(all="ignore"):  # a fit that ran away is told by what is not finite
+        rays = look(seen, parameters)
+        held = metric(seen, parameters, rays)
+        residual, jacobian = residuals(seen, parameters, rays, held)
+        if seen.kind == "lines":  # whose solve does not hold the metric
+            jacobian[..., :LENS_SIZE] += residual[..., None] * _metric_slopes(seen, parameters)[:, None]
+    return residual, held, jacobian * factor[:, None, None]
+
+
+def _metric_slopes(seen: Observations, parameters) -> Float[np.ndarray, "count 8"]:
+    """∂ ln(metric)/∂lens by central differences."""
+    columns = []
+    for column in range(LENS_SIZE):
+        step = 1e-5 * np.eye(len(parameters))[column]
+        sides = [metric(seen, p, look(seen, p)) for p in (parameters + step, parameters - step)]
+        columns.append(np.log(np.where(sides[1] > 0, sides[0] / np.where(sides[1] > 0, sides[1], 1), 1)) / 2e-5)
+    return np.stack(columns, axis=1)
+
+
+def _as_fit(name: str, setup: Setup, solution: _Solved, weight, noise: float) -> Fit:
+    parameters, residual = solution.parameters, solution.residual
     free = free_for(name, setup)
-    jacobian = np.array(solution.jacobian)
+    jacobian = solution.jacobian
     # a failed fit has no covariance, but its failure must arrive where it is asked for
-    usable = jacobian if bool(solution.success) else np.zeros_like(jacobian)
+    usable = jacobian if solution.success else np.zeros_like(jacobian)
     covariance, condition = _covariance(usable, weight, free, setup.prior_sd)
     return Fit(
         name=name,
@@ -217,7 +240,7 @@ def _as_fit(name: str, setup: Setup, solution: Solution, weight, noise: float) -
         jacobian=jacobian,
         covariance=covariance,
         condition=condition,
-        success=bool(solution.success),
+        success=solution.success,
     )
 
 

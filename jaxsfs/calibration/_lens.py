@@ -1,18 +1,16 @@
 """The lens models that a calibration can choose from, over one common parameter vector.
 
 `lens`: (ln f, cx, cy, ln aspect, s₀, s₁, s₂, s₃). Every model has the same f near the axis (radius ≈ f α), so one's
-fit is a start for the others. The fits need only α(q), q = radius/f, and its slope; written out here for all models
-side by side (the cameras' own `ray` would be differentiated twice and compile ten times longer; a test holds the two
-together). One compiled program serves all models: the model is an index into `lax.switch`.
+fit is a start for the others.
 """
 
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxsfs.calibration._arrays import AnyArray, module_of
+from jaxsfs.calibration._profiles import AXIAL, HALF_SINE, HALF_TANGENT, SERIES, SINE, TANGENT, angle, radius
 from jaxsfs.camera import (
     AbstractCentralCamera,
     Equidistant,
@@ -26,7 +24,6 @@ from jaxsfs.camera import (
 
 LENS_SIZE = 8
 ASPECT, SHAPE = 3, 4
-_EDGE = 0.998  # beyond this share of a finite field α(q) is continued by its tangent: a slope leads the fit back
 
 
 class Lens(NamedTuple):
@@ -40,15 +37,15 @@ class Lens(NamedTuple):
 
 
 LENSES: dict[str, Lens] = {
-    "spherical": Lens(0, 0, "r = f sin α"),
-    "spherical-k": Lens(1, 1, "r = f (s + k s³), s = sin α", (0.0,)),
-    "equisolid": Lens(2, 0, "r = 2 f sin(α/2)"),
-    "equidistant": Lens(3, 0, "r = f α"),
-    "stereographic": Lens(4, 0, "r = 2 f tan(α/2)"),
-    "perspective": Lens(5, 0, "r = f tan α"),
-    "kannala-brandt-2": Lens(6, 2, "r = f (α + k₁α³ + k₂α⁵)", (-1 / 6, 1 / 120)),
-    "kannala-brandt": Lens(6, 4, "r = f (α + k₁α³ + k₂α⁵ + k₃α⁷ + k₄α⁹)", (-1 / 6, 1 / 120, 0.0, 0.0)),
-    "scaramuzza": Lens(7, 3, "ray (x', y', a₀ + a₂ρ² + a₃ρ³ + a₄ρ⁴)", (-0.5, 0.0, -0.125)),
+    "spherical": Lens(SINE, 0, "r = f sin α"),
+    "spherical-k": Lens(SINE, 1, "r = f (s + k s³), s = sin α", (0.0,)),
+    "equisolid": Lens(HALF_SINE, 0, "r = 2 f sin(α/2)"),
+    "equidistant": Lens(SERIES, 0, "r = f α"),
+    "stereographic": Lens(HALF_TANGENT, 0, "r = 2 f tan(α/2)"),
+    "perspective": Lens(TANGENT, 0, "r = f tan α"),
+    "kannala-brandt-2": Lens(SERIES, 2, "r = f (α + k₁α³ + k₂α⁵)", (-1 / 6, 1 / 120)),
+    "kannala-brandt": Lens(SERIES, 4, "r = f (α + k₁α³ + k₂α⁵ + k₃α⁷ + k₄α⁹)", (-1 / 6, 1 / 120, 0.0, 0.0)),
+    "scaramuzza": Lens(AXIAL, 3, "ray (x', y', a₀ + a₂ρ² + a₃ρ³ + a₄ρ⁴)", (-0.5, 0.0, -0.125)),
 }
 
 
@@ -85,93 +82,60 @@ def camera_of(name: str, lens: Float[np.ndarray, "8"], width: int, height: int) 
     return single(f=f, aspect=aspect, **place)
 
 
-def ray_and_slope(
-    build: Int[Array, ""], lens: Float[Array, "8"], pixel: Float[Array, "2"]
-) -> tuple[Float[Array, "3"], Float[Array, "3 2"]]:
-    """The unit ray d of `pixel` and ∂d/∂pixel: radially α'(q), tangentially sin α/q."""
-    focal = jnp.exp(lens[0]) * jnp.stack([jnp.ones_like(lens[0]), jnp.exp(lens[ASPECT])])
-    q = (pixel - lens[1:3]) / focal
-    radius = jnp.sqrt(jnp.sum(q * q) + 1e-20)
-    towards = q / radius
-    alpha, slope = jax.lax.switch(build, _ANGLES, lens[SHAPE:], radius)
-    sine, cosine = jnp.sin(alpha), jnp.cos(alpha)
-    along = slope * jnp.append(cosine * towards, -sine)
-    across = sine / radius * jnp.stack([-towards[1], towards[0], jnp.zeros_like(sine)])
-    jacobian = jnp.outer(along, towards) + jnp.outer(across, jnp.stack([-towards[1], towards[0]]))
-    return jnp.append(sine * towards, cosine), jacobian / focal[None, :]
+class Rays(NamedTuple):
+    """Unit rays d of pixels, ∂d/∂pixel and ∂d/∂lens."""
+
+    ray: Float[AnyArray, "count 3"]
+    slope: Float[AnyArray, "count 3 2"]
+    by_lens: Float[AnyArray, "count 3 8"]
 
 
-def rays_and_slopes(
-    build: Int[Array, ""], lens: Float[Array, "8"], pixels: Float[Array, "count 2"]
-) -> tuple[Float[Array, "count 3"], Float[Array, "count 3 2"]]:
-    """`ray_and_slope` of many pixels."""
-    return jax.vmap(lambda pixel: ray_and_slope(build, lens, pixel))(pixels)
+def rays(build: int | Int[Array, ""], lens: Float[AnyArray, "8"], pixels: Float[AnyArray, "count 2"]) -> Rays:
+    """Rays of `pixels` by profile number `build`, in numpy for numpy arrays."""
+    xp = module_of(pixels)
+    fx, fy = xp.exp(lens[0]), xp.exp(lens[0] + lens[ASPECT])
+    u, v = pixels[:, 0] - lens[1], pixels[:, 1] - lens[2]
+    x, y = u / fx, v / fy
+    q = xp.sqrt(x * x + y * y + 1e-20)
+    x, y = x / q, y / q
+    alpha, slope, by_shape = angle(build, lens[SHAPE:], q)
+    sine, cosine = xp.sin(alpha), xp.cos(alpha)
+    outward = xp.stack([cosine * x, cosine * y, -sine], axis=1)  # ∂d/∂α
+    across, mixed = sine / q, (slope * cosine - sine / q) * x * y
+    # radially α'(q), tangentially sin α/q
+    by_u = xp.stack([slope * cosine * x * x + across * y * y, mixed, -slope * sine * x], axis=1) / fx
+    by_v = xp.stack([mixed, slope * cosine * y * y + across * x * x, -slope * sine * y], axis=1) / fy
+    by_aspect = -by_v * v[:, None]
+    columns = [by_aspect - by_u * u[:, None], -by_u, -by_v, by_aspect]
+    columns += [outward * by_shape[i][:, None] for i in range(LENS_SIZE - SHAPE)]
+    slopes, by_lens = xp.stack([by_u, by_v], axis=2), xp.stack(columns, axis=2)
+    return Rays(xp.stack([sine * x, sine * y, cosine], axis=1), slopes, by_lens)
 
 
-def _explicit(angle, reach: float = np.inf):
-    """α(q) and α'(q) of a closed form, continued by its tangent beyond `_EDGE`·`reach`."""
+class Images(NamedTuple):
+    """Pixels at which points are seen, ∂pixel/∂point and ∂pixel/∂lens."""
 
-    def evaluate(shape, radius):
-        inside = jnp.minimum(radius, _EDGE * reach)
-        value, slope = jax.jvp(lambda q: angle(shape, q), (inside,), (jnp.ones_like(inside),))
-        return value + slope * (radius - inside), slope
-
-    return evaluate
+    pixel: Float[AnyArray, "count 2"]
+    by_point: Float[AnyArray, "count 2 3"]
+    by_lens: Float[AnyArray, "count 2 8"]
 
 
-def _implicit(profile, end: float):
-    """α(q) as the root of profile(α) = q: bisection, then Newton; the last step carries the derivatives.
-
-    Where the profile turns back before `end`, α stays at the turning point, continued with a steep slope.
-    """
-
-    def value_and_slope(shape, alpha):
-        return jax.jvp(lambda a: profile(shape, a), (alpha,), (jnp.ones_like(alpha),))
-
-    def evaluate(shape, radius):
-        held, target = jax.lax.stop_gradient(shape), jax.lax.stop_gradient(radius)
-
-        def halve(_, bracket):
-            low, high = bracket
-            middle = 0.5 * (low + high)
-            value, slope = value_and_slope(held, middle)
-            below = (value < target) & (slope > 0)
-            return jnp.where(below, middle, low), jnp.where(below, high, middle)
-
-        def newton(_, alpha):
-            value, slope = value_and_slope(held, alpha)
-            return jnp.clip(alpha + jnp.clip((target - value) / jnp.maximum(slope, 0.02), -0.05, 0.05), 0.0, end)
-
-        bracket = jax.lax.fori_loop(0, 8, halve, (jnp.zeros_like(radius), jnp.full_like(radius, end)))
-        alpha = jax.lax.stop_gradient(jax.lax.fori_loop(0, 6, newton, 0.5 * (bracket[0] + bracket[1])))
-        value, slope = value_and_slope(shape, alpha)
-        slope = jnp.maximum(slope, 0.02)
-        return alpha + (radius - value) / slope, 1 / slope
-
-    return evaluate
-
-
-def _sine_cubic(shape, alpha):
-    sine = jnp.sin(alpha)
-    return sine * (1 + shape[0] * sine**2)
-
-
-def _series(shape, alpha):
-    square = alpha**2
-    return alpha * (1 + square * (shape[0] + square * (shape[1] + square * (shape[2] + square * shape[3]))))
-
-
-def _axial(shape, q):
-    return jnp.arctan2(q, 1 + q**2 * (shape[0] + q * (shape[1] + q * shape[2])))
-
-
-_ANGLES = (
-    _explicit(lambda shape, q: jnp.arcsin(q), 1.0),
-    _implicit(_sine_cubic, np.pi / 2),
-    _explicit(lambda shape, q: 2 * jnp.arcsin(q / 2), 2.0),
-    _explicit(lambda shape, q: q),
-    _explicit(lambda shape, q: 2 * jnp.arctan(q / 2)),
-    _explicit(lambda shape, q: jnp.arctan(q)),
-    _implicit(_series, np.pi),
-    _explicit(_axial),
-)
+def images(build: int | Int[Array, ""], lens: Float[AnyArray, "8"], points: Float[AnyArray, "count 3"]) -> Images:
+    """Images of `points` of the camera frame by profile number `build`, in numpy for numpy arrays."""
+    xp = module_of(points)
+    focal = xp.exp(xp.stack([lens[0], lens[0] + lens[ASPECT]]))[None]
+    off, z = points[:, :2], points[:, 2]
+    across = xp.sqrt(xp.sum(off**2, axis=1) + 1e-18)
+    x, y = off[:, 0] / across, off[:, 1] / across
+    towards, sideways = xp.stack([x, y], axis=1), xp.stack([-y, x], axis=1)
+    q, slope, by_shape = radius(build, lens[SHAPE:], xp.arctan2(across, z))
+    by_angle = xp.stack([z * x, z * y, -across], axis=1) / (across**2 + z**2)[:, None]  # ∂α/∂point
+    by_turn = xp.stack([-y, x, xp.zeros_like(x)], axis=1) / across[:, None]  # of the azimuth
+    by_point = (slope[:, None] * towards)[..., None] * by_angle[:, None]
+    by_point = by_point + (q[:, None] * sideways)[..., None] * by_turn[:, None]
+    place = focal * q[:, None] * towards
+    one, zero = xp.ones_like(q), xp.zeros_like(q)
+    columns = [place, xp.stack([one, zero], axis=1), xp.stack([zero, one], axis=1)]
+    columns += [xp.stack([zero, place[:, 1]], axis=1)]
+    columns += [focal * towards * by_shape[i][:, None] for i in range(LENS_SIZE - SHAPE)]
+    return Images(lens[None, 1:3] + place, focal[..., None] * by_point, xp.stack(columns, axis=2))

@@ -20,13 +20,14 @@ _LEAST_COVER = 0.54
 
 class LinePoints(NamedTuple):
     """`pixel` and index of the `line` of every point; `source`: "dots", "line grid" or "checkerboard"; `axis` (0 or 1)
-    and `place` of every line in the grid."""
+    and `place` of every line in the grid; `bend`, px by which blur was found to move every point, and taken back."""
 
     pixel: Float[np.ndarray, "count 2"]
     line: Int[np.ndarray, " count"]
     source: str
     axis: Int[np.ndarray, " lines"]
     place: Int[np.ndarray, " lines"]
+    bend: Float[np.ndarray, "count 2"]
 
 
 def find_lines(photo: Photograph) -> LinePoints | None:
@@ -76,7 +77,8 @@ def _long_enough(pixel, name: Int[np.ndarray, "count 2"], source: str) -> LinePo
     if len(kept_line) < 2:
         return None
     axis, place = np.array(names).T
-    return LinePoints(np.concatenate(kept_pixel), np.concatenate(kept_line), source, axis, place)
+    middle = np.concatenate(kept_pixel)
+    return LinePoints(middle, np.concatenate(kept_line), source, axis, place, np.zeros_like(middle))
 
 
 def _near_curve(points: Float[np.ndarray, "count 2"]) -> Bool[np.ndarray, " count"]:

@@ -43,17 +43,20 @@ def search_lines(photo: Photograph, found: Fit, lines: LinePoints) -> LinePoints
     curves = {name: _clear_curve(photo, found, wide, *name, step) for name in names}
     sides = {name: both_edges(photo, *curves[name]) for name in names if len(curves[name][1])}
     blur = _typical_blur(list(sides.values()))
-    pixel, line, kept = [], [], []
+    pixel, bend, line, kept = [], [], [], []
     for name, side in sides.items():
-        middle = _middles(found, curves[name][0], side, blur, plane)
+        seen = curves[name][0].at(side.good)
+        moved, pulled = _moved_by_blur(seen, side.fall[side.good], blur)
+        middle = _middles(found, seen, side, pulled, plane)
         if len(middle) >= 2 * LEAST_POINTS:
             pixel.append(middle)
+            bend.append(moved[:, None] * seen.normal)
             line.append(np.full(len(middle), len(kept)))
             kept.append((name[0], int(wide[name[0]].place[name[1]])))
     if len({axis for axis, _ in kept}) < 2:
         return None
     axes, places = np.array(kept).T
-    return LinePoints(np.concatenate(pixel), np.concatenate(line), lines.source, axes, places)
+    return LinePoints(np.concatenate(pixel), np.concatenate(line), lines.source, axes, places, np.concatenate(bend))
 
 
 def _typical_blur(sides: list[Sides]) -> float:
@@ -173,16 +176,20 @@ def _crossings(found: Fit, curve: Curve, normals) -> tuple[np.ndarray, np.ndarra
     return np.min(np.where(away < 0, -away, 60.0), axis=1), np.min(np.where(away >= 0, away, 60.0), axis=1)
 
 
-def _middles(found: Fit, curve: Curve, sides: Sides, blur: float, plane) -> Float[np.ndarray, "count 2"]:
+def _moved_by_blur(seen: Curve, fall, blur: float) -> tuple[Float[np.ndarray, " count"], Float[np.ndarray, " count"]]:
+    """px along the normal by which blur moves a line, and by which the mean along the tangent moves it as well: both
+    pull a bent line towards its centre of curvature by half their variance times its curvature; blur moves it from
+    bright to dark besides, by its variance times the slope of the brightness' logarithm."""
+    by_blur = blur**2 * (0.5 * seen.bend - fall)
+    return by_blur, by_blur + 0.5 * float(np.mean(np.square(SIDES))) * seen.bend
+
+
+def _middles(found: Fit, seen: Curve, sides: Sides, pulled: Float[np.ndarray, " count"], plane):
     """The image of the middle between both edges on the paper; of the edges' images, where the `plane` is unknown: a
-    wide line's image is wider on its nearer side. Blur, and the mean along the tangent, move a bent line towards its
-    centre of curvature by half their variance times its curvature; blur moves it from bright to dark besides, by its
-    variance times the slope of the brightness' logarithm."""
+    wide line's image is wider on its nearer side. `pulled`, px along the normal, is taken back."""
     good = sides.good
     if not good.any():
         return np.zeros((0, 2))
-    seen = curve.at(good)
-    pulled = 0.5 * (blur**2 + float(np.mean(np.square(SIDES)))) * seen.bend - blur**2 * sides.fall[good]
     edges = [seen.pixel + (offset[good] - pulled)[:, None] * seen.normal for offset in (sides.left, sides.right)]
     if plane is None:
         return 0.5 * (edges[0] + edges[1])

@@ -2,9 +2,13 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsfs.calibration._arrays import AnyArray, module_of
 from jaxsfs.forms import Scalar
+
+Vectors = Float[AnyArray, "... 3"]
 
 
 class PlanePose(eqx.Module):
@@ -39,12 +43,48 @@ class PlanePose(eqx.Module):
         return jnp.arccos(jnp.clip(self.facing(axis), -1, 1))
 
 
-def rotate(rotation: Float[Array, "3"], vector: Float[Array, "3"]) -> Float[Array, "3"]:
-    """exp([rotation]×)·vector by Rodrigues' formula; smooth at rotation 0."""
-    angle = jnp.sqrt(jnp.sum(rotation**2) + 1e-16)
-    axis = rotation / angle
-    turned = vector * jnp.cos(angle) + jnp.cross(axis, vector) * jnp.sin(angle)
-    return turned + axis * jnp.dot(axis, vector) * (1 - jnp.cos(angle))
+def pose_from(view: Float[np.ndarray, "6"]) -> PlanePose:
+    """The pose that six numbers stand for: rotation (3), offset (2), ln height."""
+    return PlanePose(jnp.asarray(view[:3]), jnp.asarray(view[3:5]), float(np.exp(view[5])))
+
+
+def points_on_plane(
+    view: Float[np.ndarray, "6"], rays: Float[np.ndarray, "count 3"]
+) -> tuple[Float[np.ndarray, "count 2"], Float[np.ndarray, " count"]]:
+    """`PlanePose.on_target` and `facing` of many rays, on the host, for the six numbers of a pose."""
+    local = rotate(-view[:3], rays)
+    return np.exp(view[5]) * local[:, :2] / np.maximum(local[:, 2:], 1e-2) - view[3:5], local[:, 2]
+
+
+def rotate(rotation: Vectors, vector: Vectors) -> Vectors:
+    """exp([rotation]×)·vector by Rodrigues' formula, in numpy for numpy arrays; smooth at rotation 0."""
+    xp = module_of(vector)
+    angle = xp.sqrt(xp.sum(rotation**2, axis=-1) + 1e-16)
+    (ax, ay, az), (x, y, z) = (_parts(v) for v in (rotation, vector))
+    ax, ay, az = ax / angle, ay / angle, az / angle
+    sine, cosine = xp.sin(angle), xp.cos(angle)
+    along = (ax * x + ay * y + az * z) * (1 - cosine)
+    turned = (
+        x * cosine + (ay * z - az * y) * sine + ax * along,
+        y * cosine + (az * x - ax * z) * sine + ay * along,
+        z * cosine + (ax * y - ay * x) * sine + az * along,
+    )
+    return xp.stack(turned, axis=-1)
+
+
+def by_rotation(rotation: Vectors, moment: Vectors) -> Vectors:
+    """∂F/∂rotation of an F that a further small turn ε of exp([rotation]×) changes by moment·ε: Jᵀ·moment, J the left
+    Jacobian of SO(3)."""
+    xp = module_of(moment)
+    square = xp.sum(rotation**2, axis=-1, keepdims=True) + 1e-12
+    angle = xp.sqrt(square)
+    once = xp.cross(rotation, moment)
+    by_once, by_twice = (1 - xp.cos(angle)) / square, (angle - xp.sin(angle)) / (square * angle)
+    return moment - by_once * once + by_twice * xp.cross(rotation, once)
+
+
+def _parts(vector: Vectors):
+    return vector[..., 0], vector[..., 1], vector[..., 2]
 
 
 def tilted(tilt_deg: float, direction_deg: float, height: float, offset=(0.0, 0.0), roll_deg: float = 0.0) -> PlanePose:
@@ -58,9 +98,10 @@ def tilted(tilt_deg: float, direction_deg: float, height: float, offset=(0.0, 0.
     return PlanePose(rotation_vector(jnp.stack(columns, axis=1)), jnp.asarray(offset, float), height)
 
 
-def rotation_vector(matrix: Float[Array, "3 3"]) -> Float[Array, "3"]:
-    """The rotation vector of a rotation matrix with angle < 180°."""
-    skew = jnp.stack([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
-    sine = jnp.sqrt(jnp.sum(skew**2))
-    angle = jnp.arctan2(sine, (jnp.trace(matrix) - 1) / 2)
-    return skew * jnp.where(sine > 1e-12, angle / jnp.maximum(sine, 1e-12), 1.0)
+def rotation_vector(matrix: Float[AnyArray, "3 3"]) -> Vectors:
+    """The rotation vector of a rotation matrix with angle < 180°, in numpy for numpy arrays."""
+    xp = module_of(matrix)
+    skew = xp.stack([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
+    sine = xp.sqrt(xp.sum(skew**2))
+    angle = xp.arctan2(sine, (xp.trace(matrix) - 1) / 2)
+    return skew * xp.where(sine > 1e-12, angle / xp.maximum(sine, 1e-12), 1.0)

@@ -1,7 +1,6 @@
 """First poses of a flat target from points, by a homography of the rays."""
 
 import cv2
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -22,6 +21,6 @@ def start_pose(rays: Float[np.ndarray, "count 3"], target: Float[np.ndarray, "co
     left, _, right = np.linalg.svd(rough)
     rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     foot = rotation.T @ shift
-    vector = np.array(rotation_vector(jnp.asarray(rotation)))
+    vector = np.array(rotation_vector(rotation))
     vector[:2] += 1e-3
     return np.concatenate([vector, foot[:2], [np.log(max(foot[2], 1e-6))]])

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from jaxsfs.calibration._compare import ModelScore, verdict
 from jaxsfs.calibration._fit import Fit, rays_of
 from jaxsfs.calibration._lens import LENS_SIZE, lens_named
+from jaxsfs.calibration._plane import rotate
 from jaxsfs.calibration._problem import VIEW_SIZE, VIEWS_AT
 from jaxsfs.calibration._uncertainty import (
     correlations,
@@ -152,14 +153,15 @@ def alpha_max_deg(found: Fit) -> float:
 
 def pose_figures(found: Fit, covariance: Float[np.ndarray, "size size"], view: int) -> dict[str, Any]:
     """Height (mm) with its 1σ, tilt (degrees), offset (mm) and rotation vector (radians) of one photograph."""
-    pose = found.pose(view)
+    pose = found.view(view)
     at = VIEWS_AT + VIEW_SIZE * view + 5
-    height = float(pose.height)
+    height = float(np.exp(pose[5]))
+    facing = rotate(-pose[:3], np.array([0.0, 0.0, 1.0]))[2]
     return {
         "height_mm": height,
         "height_sd_mm": height * float(np.sqrt(covariance[at, at])),
-        "tilt_deg": float(np.degrees(float(pose.tilt()))),
-        "offset_x_mm": float(pose.offset[0]),
-        "offset_y_mm": float(pose.offset[1]),
-        "rotation": [float(part) for part in pose.rotation],
+        "tilt_deg": float(np.degrees(np.arccos(np.clip(facing, -1, 1)))),
+        "offset_x_mm": float(pose[3]),
+        "offset_y_mm": float(pose[4]),
+        "rotation": [float(part) for part in pose[:3]],
     }

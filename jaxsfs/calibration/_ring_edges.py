@@ -4,16 +4,13 @@ from math import erf
 from typing import NamedTuple
 
 import cv2
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 from scipy import ndimage
 
 from jaxsfs.calibration._field import Photograph
-from jaxsfs.calibration._lens import LENS_SIZE, lens_named, ray_and_slope
-from jaxsfs.calibration._plane import PlanePose
+from jaxsfs.calibration._lens import LENS_SIZE
+from jaxsfs.calibration._ring_images import RAYS, RingImages, px_per_mm, ring_images
 
 _SAMPLES = 61  # of a profile across an edge
 _SIDES = np.linspace(-1, 1, 13)  # of the way along an edge over which a profile is averaged
@@ -24,8 +21,6 @@ _STANDS_OUT = 8.0  # times the paper's scatter
 _LEAST_CONTRAST = 0.01  # of the brightest paper: less drowns in 8 bits
 _LEAST_DEPTH = 0.08  # of the paper: shallower dips are noise
 _BESIDE = 9  # rays
-_RAYS = 64  # fixed, so that one compiled program serves
-_GRID = 256  # radii of the polar grid on which R(u, v) is inverted
 
 
 class Edges(NamedTuple):
@@ -44,18 +39,17 @@ def search_edges(
     photo: Photograph,
     name: str,
     parameters: np.ndarray,
-    pose: PlanePose,
+    view: Float[np.ndarray, "6"],
     radii: Float[np.ndarray, " rings"],
     style: str,
 ) -> Edges:
-    """Looks for every printed ring along the normal of its predicted image, on `_RAYS` rays of the image."""
-    centre, radius, normal, curvature, reach = _predicted(photo, name, parameters, pose, radii)
-    angle = 2 * np.pi * np.arange(_RAYS)[:, None] / _RAYS
-    base = np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=-1)
-    width_px = abs(float(parameters[LENS_SIZE])) * _px_per_mm(radius, radii)
+    """Looks for every printed ring along the normal of its predicted image, on `RAYS` rays of the image."""
+    seen = ring_images(name, parameters, view, radii, photo.size)
+    base, radius, normal = seen.base, seen.radius, seen.normal
+    width_px = abs(float(parameters[LENS_SIZE])) * px_per_mm(radius, radii)
     # a line and the paper to either side of it, at most half way to the next ring
-    window = np.clip(reach, 3.0, np.maximum(_REACH, _WINDOW * np.nan_to_num(width_px)))
-    profile, ok, step = _profiles(photo, base, normal, reach, curvature, window)
+    window = np.clip(seen.reach, 3.0, np.maximum(_REACH, _WINDOW * np.nan_to_num(width_px)))
+    profile, ok, step = _profiles(photo, seen, window)
     visible = ok & np.isfinite(radius)
     if style == "bands":
         offset, polarity, good = _single_edges(profile)
@@ -85,42 +79,6 @@ def search_edges(
     )
 
 
-def _predicted(photo, name, parameters, pose, radii):
-    """Image radius of every ring along every ray from the target centre's image, the unit normal there, and half the
-    distance to the neighbouring rings; NaN where a ring leaves the image."""
-    build = jnp.asarray(lens_named(name).build)
-    lens = jnp.asarray(parameters[:LENS_SIZE])
-    centre = np.array(target_centre(build, lens, pose))
-    width, height = photo.size
-    far = 1.05 * np.hypot(max(centre[0], width - centre[0]), max(centre[1], height - centre[1]))
-    on_paper = np.array(_paper_radius(build, lens, pose, jnp.asarray(centre), jnp.asarray(far)))
-    grid = np.linspace(0, far, _GRID)
-    radius = np.full((_RAYS, len(radii)), np.nan)
-    edges = np.concatenate([[0.0], radii, [2 * radii[-1] - radii[-2]]])
-    around = np.full((_RAYS, len(edges)), np.nan)
-    for ray in range(_RAYS):
-        falls = np.nonzero(np.diff(on_paper[ray]) <= 1e-9)[0]
-        end = falls[0] + 1 if len(falls) else _GRID
-        around[ray] = np.interp(edges, on_paper[ray, :end], grid[:end], right=np.nan)
-    radius = around[:, 1:-1]
-    inner, outer = radius - around[:, :-2], around[:, 2:] - radius
-    reach = 0.5 * np.fmin(inner, np.where(np.isfinite(outer), outer, inner))
-    slope = _smooth_slope(radius)
-    angle = 2 * np.pi * np.arange(_RAYS)[:, None] / _RAYS
-    # the curve r(θ) has the normal r·e_r − r'·e_θ
-    nx = radius * np.cos(angle) + slope * np.sin(angle)
-    ny = radius * np.sin(angle) - slope * np.cos(angle)
-    length = np.hypot(nx, ny)
-    return centre, radius, np.stack([nx, ny], axis=-1) / length[..., None], _curvature(radius, slope), reach
-
-
-def _px_per_mm(radius: Float[np.ndarray, "rays rings"], radii: Float[np.ndarray, " rings"]) -> np.ndarray:
-    """∂r/∂R of the predicted rings, from the nearest rings that the picture shows."""
-    ahead = np.diff(radius, axis=1) / np.diff(radii)
-    inner, outer = np.pad(ahead, ((0, 0), (1, 0)), "edge"), np.pad(ahead, ((0, 0), (0, 1)), "edge")
-    return np.where(np.isfinite(outer), np.fmin(inner, outer), inner)
-
-
 def _clear(profile: np.ndarray, width_px: np.ndarray, blur: float) -> np.ndarray:
     """Where a printed line would stand out: ink on paper of this brightness, thinned by blur, against the scatter of
     the paper at the profile's ends. The dark rim and foreshortened rings show nothing, and are not missed."""
@@ -133,46 +91,6 @@ def _clear(profile: np.ndarray, width_px: np.ndarray, blur: float) -> np.ndarray
     return (contrast > _STANDS_OUT * scatter) & (
         contrast > _LEAST_CONTRAST * max(float(np.percentile(level, 90)), 1e-3)
     )
-
-
-def _curvature(radius: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """κ = (r² + 2r'² − r r″)/(r² + r'²)^(3/2) of the curves r(θ), 1/r where a neighbour is missing."""
-    bend = (np.roll(radius, -1, axis=0) - 2 * radius + np.roll(radius, 1, axis=0)) * (_RAYS / (2 * np.pi)) ** 2
-    bend = np.where(np.isfinite(bend), bend, 0.0)
-    return (radius**2 + 2 * slope**2 - radius * bend) / (radius**2 + slope**2) ** 1.5
-
-
-def _smooth_slope(radius: np.ndarray) -> np.ndarray:
-    slope = (np.roll(radius, -1, axis=0) - np.roll(radius, 1, axis=0)) * _RAYS / (4 * np.pi)
-    return np.where(np.isfinite(slope), slope, 0.0)
-
-
-@eqx.filter_jit
-def target_centre(build: Int[Array, ""], lens: Float[Array, "8"], pose: PlanePose) -> Float[Array, "2"]:
-    """The pixel that sees the target point (0, 0): Newton's method on the rays."""
-    goal = pose.to_camera(jnp.zeros(2))
-    goal = goal / jnp.sqrt(jnp.sum(goal**2))
-
-    def step(_, pixel):
-        ray, slope = ray_and_slope(build, lens, pixel)
-        metric = slope.T @ slope
-        move = jnp.linalg.solve(metric, slope.T @ (goal - ray))
-        return pixel + jnp.clip(move, -100.0, 100.0)
-
-    return jax.lax.fori_loop(0, 20, step, lens[1:3] + 1.0)
-
-
-@eqx.filter_jit
-def _paper_radius(build, lens, pose: PlanePose, centre, far) -> Float[Array, "rays grid"]:
-    angle = 2 * jnp.pi * jnp.arange(_RAYS, dtype=float) / _RAYS
-    radius = jnp.linspace(0.0, 1.0, _GRID) * far
-
-    def value(a, r):
-        ray, _ = ray_and_slope(build, lens, centre + r * jnp.stack([jnp.cos(a), jnp.sin(a)]))
-        point = pose.on_target(ray)
-        return jnp.where(pose.facing(ray) > 0.03, jnp.sqrt(jnp.sum(point**2)), -1.0)
-
-    return jax.vmap(jax.vmap(value, (None, 0)), (0, None))(angle, radius)
 
 
 def blur_sd(profile, offset, step, good) -> float:
@@ -200,9 +118,10 @@ def _brightness_slope(profile: np.ndarray, step: np.ndarray) -> np.ndarray:
     return np.clip(np.log(right / left) / (2 * step * (1 - ends / _SAMPLES)), -0.3, 0.3)
 
 
-def _profiles(photo: Photograph, base, normal, reach, curvature, step):
-    """Grey values along the normals over ±`step` px, averaged along the edge (an arc of `curvature`) half way to the
-    neighbouring rays, whether all of them are usable, and px per unit of the profile's coordinate (−1 … 1)."""
+def _profiles(photo: Photograph, seen: RingImages, step: Float[np.ndarray, "rays rings"]):
+    """Grey values along the normals over ±`step` px, averaged along the edge (an arc) half way to the next rays,
+    whether all of them are usable, and px per unit of the profile's coordinate (−1 … 1)."""
+    base, normal, reach, curvature = seen.base, seen.normal, seen.reach, seen.curvature
     along = np.linspace(-1, 1, _SAMPLES)
     tangent = np.stack([-normal[..., 1], normal[..., 0]], axis=-1)
     safe = np.where(np.isfinite(base), base, -100.0)
@@ -210,7 +129,7 @@ def _profiles(photo: Photograph, base, normal, reach, curvature, step):
     grey = photo.linear.astype(np.float32)
     ok = reach > 2.5
     bend = np.where(np.isfinite(curvature), curvature, 0.0)
-    along_edge = np.clip(np.pi / _RAYS / np.maximum(bend, 1e-6), 2.0, _ALONG)
+    along_edge = np.clip(np.pi / RAYS / np.maximum(bend, 1e-6), 2.0, _ALONG)
     mask = photo.usable.astype(np.uint8)
     for share in _SIDES:
         side = share * along_edge[..., None]

@@ -14,7 +14,7 @@ CENTRE_SD = 0.04  # of the image width: prior on the principal point about the f
 TILT_SD = 0.5  # rad
 SHAPE_SD = 0.15
 _LOOSE = 1e6
-_UNSURE = 0.35  # of what blur moves an edge: its sd, that all edges share
+UNSURE = 0.35  # of what blur moves an edge: its sd, that all edges share
 _LEAST_HARMONIC = 40  # edges of a ring that fix five harmonics of its line's width
 _LEAST_SCATTER = 12  # edges of a ring from which its scatter is known
 _LEAST_SD = 0.015  # px: what edges share does not average away
@@ -57,7 +57,7 @@ def ring_setup(edges: list[Edges], priors: RingPriors, size: tuple[int, int], ce
         sd[at : at + 2] = TILT_SD
         if priors.height is not None:
             prior[at + 5], sd[at + 5] = np.log(priors.height), priors.height_tolerance
-    systematic = _UNSURE * np.concatenate([e.bend for e in edges])[:, None]
+    systematic = UNSURE * np.concatenate([e.bend for e in edges])[:, None]
     return Setup("rings", observations, size, views, 1, free, prior, sd, systematic, priors.aspect)
 
 

@@ -143,7 +143,7 @@ def _searched(photo, priors: RingPriors, style: str, labelling: Labelling, first
     current = first
     edges = None
     for name in ("spherical", _SEARCH_LENS):
-        edges = search_edges(photo, current.name, current.parameters, current.pose(0), priors.radii, style)
+        edges = search_edges(photo, current.name, current.parameters, current.view(0), priors.radii, style)
         if len(edges.pixel) < 40 or len(np.unique(edges.ring)) < 2 or (style == "bands" and not _alternate(edges)):
             return None
         setup = ring_setup([edges], priors, photo.size)

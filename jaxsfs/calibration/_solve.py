@@ -1,52 +1,83 @@
-"""One compiled Levenberg–Marquardt solve for all lenses and targets."""
+"""One compiled Levenberg–Marquardt solve for all lenses, and for all photographs of one kind of target."""
+
+from functools import partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
-from jaxsfs.calibration._problem import Problem, residuals
+from jaxsfs.calibration._live_residuals import live_residuals
+from jaxsfs.calibration._problem import Problem
+from jaxsfs.calibration._residuals import look, residuals
+
+_STRIDE = 300.0  # conditional sds in a unit step of the solver: its first damping is 1/_STRIDE²
+_STEPS = 60
+_TOLERANCE = 0.03 / _STRIDE
 
 
 class Solution(eqx.Module):
-    """`parameters`, the unweighted `residual` in px per observation, the `jacobian` of the weighted residuals
-    (residual · weight/noise) and whether the solver succeeded."""
+    """`parameters`, whether the solver succeeded, and its steps."""
 
     parameters: Float[Array, " size"]
-    residual: Float[Array, "count parts"]
-    jacobian: Float[Array, "count parts size"]
     success: Bool[Array, ""]
-    steps: Array
+    steps: Int[Array, ""]
 
 
-@eqx.filter_jit
-def solve(problem: Problem, start: Float[Array, " size"], noise: Float[Array, ""]) -> Solution:
+# Kernels are small and many: compiling them with care would take most of a cold start and gain little.
+@partial(eqx.filter_jit, compiler_options={"xla_backend_optimization_level": 0})  # pyright: ignore
+def solve(
+    problem: Problem, start: Float[Array, " size"], scale: Float[Array, " size"], noise: Float[Array, ""]
+) -> Solution:
     """Minimises Σ w²|residual/noise|² + Σ (prior weight · (parameter − prior))² from `start`.
 
-    Residuals are divided by the noise (px) first, so that priors (in their own units) weigh what they say.
+    Residuals are divided by the noise (px) first, so that priors (in their own units) weigh what they say. The solver
+    moves y = (parameters − start)/scale: with conditional sds as scales no unit is favoured, and its tolerance is a
+    share of an sd.
     """
+    o, free, exact = problem.observations, problem.free, problem.observations.kind != "lines"
+    scale = _STRIDE * scale if exact else jnp.ones_like(scale)
+    weight = (o.weight / noise)[:, None]
 
-    def full(parameters):
-        return jnp.where(problem.free, parameters, start)
+    def natural(y):
+        return start + jnp.where(free, scale * y, 0.0)
 
-    def weighted(parameters, _):
-        return residuals(problem, full(parameters)) * (problem.observations.weight / noise)[:, None]
+    def stacked(y, residual):
+        held = jnp.where(free, problem.prior_weight * (natural(y) - problem.prior), y)
+        return jnp.concatenate([(weight * residual).ravel(), held])
 
-    def objective(parameters, _):
-        held = problem.prior_weight * (full(parameters) - problem.prior)
-        frozen = jnp.where(problem.free, 0.0, parameters - start)
-        return weighted(parameters, None).reshape(-1), held, frozen
+    def value_and_jacobian(y):
+        residual, jacobian = residuals(o, natural(y), look(o, natural(y)), problem.metric)
+        by_data = weight[..., None] * jacobian * jnp.where(free, scale, 0.0)[None, None]
+        by_held = jnp.diag(jnp.where(free, problem.prior_weight * scale, 1.0))
+        return stacked(y, residual), jnp.concatenate([by_data.reshape(-1, len(start)), by_held])
 
-    # the normal equations: QR of a tall matrix starts threads that fight with others for the cores
-    solver = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=lx.Normal(lx.Cholesky()))
-    found = optx.least_squares(objective, solver, start, options={"jac": "fwd"}, max_steps=60, throw=False)
-    parameters = full(found.value)
-    jacobian = jax.jacfwd(weighted)(parameters, None)
-    residual = residuals(problem, parameters)
-    finite = jnp.all(jnp.isfinite(parameters)) & jnp.all(jnp.isfinite(residual)) & jnp.all(jnp.isfinite(jacobian))
+    @jax.custom_jvp
+    def with_held_metric(y):
+        return value_and_jacobian(y)[0]
+
+    @with_held_metric.defjvp
+    def _(primals, tangents):
+        value, jacobian = value_and_jacobian(*primals)
+        return value, jacobian @ tangents[0]
+
+    def objective(y, _):
+        return with_held_metric(y) if exact else stacked(y, live_residuals(o, natural(y)))
+
+    begin = jnp.zeros_like(start)
+    found = optx.least_squares(objective, _solver(exact), begin, options={"jac": "fwd"}, max_steps=_STEPS, throw=False)
     # out of steps is not out of hope: flexible lenses creep along directions that the data hardly feel
     ended = (found.result == optx.RESULTS.successful) | (found.result == optx.RESULTS.nonlinear_max_steps_reached)
-    success = ended & finite
-    return Solution(parameters, residual, jacobian, success, found.stats["num_steps"])
+    return Solution(start + jnp.where(free, scale * found.value, 0.0), ended, found.stats["num_steps"])
+
+
+def _solver(exact: bool) -> optx.LevenbergMarquardt:
+    """Levenberg–Marquardt; where its Jacobian is that of the residuals it trusts a step that went mostly as predicted:
+    with the usual 99 % it creeps along directions that the data hardly feel."""
+    # the normal equations: QR of a tall matrix starts threads that fight with others for the cores
+    linear = lx.Normal(lx.Cholesky())
+    solver = optx.LevenbergMarquardt(rtol=1e-6, atol=_TOLERANCE if exact else 1e-6, linear_solver=linear)
+    trusting = optx.ClassicalTrustRegion(high_cutoff=0.6, high_constant=8.0)
+    return eqx.tree_at(lambda one: one.search, solver, trusting) if exact else solver

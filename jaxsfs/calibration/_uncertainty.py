@@ -5,14 +5,13 @@ delete-a-group jackknife (G − 1)/G Σ δ_g δ_gᵀ feels what the covariance o
 the edges of one ring, arc or photograph share.
 """
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsfs.calibration._fit import Fit, free_for
-from jaxsfs.calibration._lens import LENS_SIZE, lens_named, rays_and_slopes
+from jaxsfs.calibration._lens import LENS_SIZE, lens_named, rays
+from jaxsfs.camera import AbstractCentralCamera
 
 
 def left_out_steps(found: Fit, group: Int[np.ndarray, " count"]) -> Float[np.ndarray, "groups size"]:
@@ -81,27 +80,24 @@ def pixel_sd_map(found: Fit, covariance: Float[np.ndarray, "size size"], columns
     width, height = found.setup.size
     rows = max(2, round(columns * height / width))
     u, v = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
-    pixels = jnp.asarray(np.stack([u.ravel(), v.ravel()], axis=1))
-    build, lens = jnp.asarray(lens_named(found.name).build), jnp.asarray(found.parameters[:LENS_SIZE])
-    rays, slopes, by_lens = (np.array(part) for part in _rays_and_derivatives(build, lens, pixels))
-    inside = np.hypot(*(np.array(pixels) - found.parameters[1:3]).T) < used_radius(found)
-    x, y, z = rays.T
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    seen = rays(lens_named(found.name).build, found.parameters[:LENS_SIZE], pixels)
+    inside = np.hypot(*(pixels - found.parameters[1:3]).T) < used_radius(found)
+    x, y, z = seen.ray.T
     zero = np.zeros_like(x)
     turns = np.stack([np.stack([zero, -z, y], 1), np.stack([z, zero, -x], 1), np.stack([-y, x, zero], 1)], axis=2)
-    fitted = np.linalg.lstsq(turns[inside].reshape(-1, 3), by_lens[inside].reshape(-1, LENS_SIZE), rcond=None)[0]
-    change = by_lens - np.einsum("nij,jk->nik", turns, fitted)
-    to_pixel = np.linalg.pinv(slopes)
+    fitted = np.linalg.lstsq(turns[inside].reshape(-1, 3), seen.by_lens[inside].reshape(-1, LENS_SIZE), rcond=None)[0]
+    change = seen.by_lens - np.einsum("nij,jk->nik", turns, fitted)
+    to_pixel = np.linalg.pinv(seen.slope)
     in_pixels = np.einsum("nij,njk->nik", to_pixel, change)
     spread = np.einsum("nik,kl,nil->n", in_pixels, covariance[:LENS_SIZE, :LENS_SIZE], in_pixels)
-    seen = np.array(jax.vmap(found.camera.is_valid)(pixels))
-    return np.where(seen, np.sqrt(spread), np.nan).reshape(rows, columns)
+    valid = np.asarray(_is_valid(found.camera, pixels))
+    return np.where(valid, np.sqrt(spread), np.nan).reshape(rows, columns)
 
 
-@eqx.filter_jit
-def _rays_and_derivatives(build, lens, pixels: Float[Array, "count 2"]):
-    rays, slopes = rays_and_slopes(build, lens, pixels)
-    by_lens = jax.jacfwd(lambda q: rays_and_slopes(build, q, pixels)[0])(lens)
-    return rays, slopes, by_lens
+@jax.jit
+def _is_valid(camera: AbstractCentralCamera, pixels: Float[Array, "count 2"]) -> Bool[Array, " count"]:
+    return jax.vmap(camera.is_valid)(pixels)
 
 
 def used_radius(found: Fit) -> float:

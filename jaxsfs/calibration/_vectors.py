@@ -3,7 +3,8 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from jaxsfs.calibration._fit import Fit, plane_points, rays_of
+from jaxsfs.calibration._fit import Fit, observed, plane_points
+from jaxsfs.calibration._residuals import great_circles, look
 
 _STEP = 0.5  # px, of the central differences
 
@@ -20,10 +21,8 @@ def residual_vectors(found: Fit) -> Float[np.ndarray, "count 2"]:
     nothing, across it."""
     if found.setup.kind == "points":
         return -found.residual  # projected minus seen
-    across = _ring_gradient(found) if found.setup.kind == "rings" else _line_gradient(found)
-    length = np.hypot(*across.T)[:, None]
-    across = across / np.maximum(length, 1e-12)
-    return across * (_line_distance(found, length[:, 0]) if found.setup.kind == "lines" else found.residual)
+    across = _ring_gradient(found) if found.setup.kind == "rings" else line_gradients(found)
+    return across / np.maximum(np.hypot(*across.T), 1e-12)[:, None] * found.residual
 
 
 def _ring_gradient(found: Fit) -> Float[np.ndarray, "count 2"]:
@@ -39,33 +38,15 @@ def _ring_gradient(found: Fit) -> Float[np.ndarray, "count 2"]:
     return gradient
 
 
-def _line_gradient(found: Fit) -> Float[np.ndarray, "count 2"]:
-    """∇(n·d), n the normal of the line's great circle and d the pixel's ray."""
-    pixel, normal = found.setup.observations.pixel, _great_circles(found)
-    sides = [[rays_of(found, pixel + s * _STEP * unit) for s in (1, -1)] for unit in np.eye(2)]
-    return np.stack([np.sum(normal * (a - b), axis=1) / (2 * _STEP) for a, b in sides], axis=1)
-
-
-def _line_distance(found: Fit, length: Float[np.ndarray, " count"]) -> Float[np.ndarray, "count 1"]:
-    rays = rays_of(found, found.setup.observations.pixel)
-    return (np.sum(_great_circles(found) * rays, axis=1) / np.maximum(length, 1e-12))[:, None]
+def line_gradients(found: Fit) -> Float[np.ndarray, "count 2"]:
+    """∇(n·d), d the pixel's ray and n the normal of its line's great circle, with the sign of the fit's residuals."""
+    seen = observed(found)
+    rays = look(seen, found.parameters)
+    return np.einsum("ni,nij->nj", great_circles(seen, rays.ray).normal[seen.group], rays.slope)
 
 
 def line_directions(found: Fit) -> Float[np.ndarray, "count 2"]:
     """Unit vectors along the lines' images at every observation."""
-    across = _line_gradient(found)
+    across = line_gradients(found)
     along = np.stack([-across[:, 1], across[:, 0]], axis=1)
     return along / np.maximum(np.hypot(*across.T), 1e-12)[:, None]
-
-
-def _great_circles(found: Fit) -> Float[np.ndarray, "count 3"]:
-    """The normal of the best great circle of every row's line."""
-    o, kept = found.setup.observations, found.weight > 0
-    rays = rays_of(found, o.pixel)
-    normal = np.zeros_like(rays)
-    for line in np.unique(o.group):
-        mine = o.group == line
-        used = mine & kept
-        if used.sum() >= 3:
-            normal[mine] = np.linalg.svd(rays[used], full_matrices=False)[2][-1]
-    return normal

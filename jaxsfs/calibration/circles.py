@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
@@ -14,7 +13,7 @@ from jaxsfs.calibration._guards import check_height, check_radii, check_same_siz
 from jaxsfs.calibration._lens import LENS_SIZE, lens_named
 from jaxsfs.calibration._problem import VIEWS_AT
 from jaxsfs.calibration._result import Calibration, ViewResult, pose_figures, total_covariance
-from jaxsfs.calibration._ring_edges import target_centre
+from jaxsfs.calibration._ring_images import target_centre
 from jaxsfs.calibration._ring_setup import RingPriors, ring_setup, with_precision, with_shifts
 from jaxsfs.calibration._ring_view import RingView, view_rings
 from jaxsfs.photometry import AbstractResponse
@@ -140,8 +139,7 @@ def _mean_radii(found: Fit, row: int, mine) -> tuple[np.ndarray, np.ndarray]:
     """Printed radius and mean image radius about the image of the target's centre, of each ring seen all round (of
     all rings, if fewer than two are): arcs of a tilted ring would bias the mean."""
     o = found.setup.observations
-    build = jnp.asarray(lens_named(found.name).build)
-    centre = np.array(target_centre(build, jnp.asarray(found.parameters[:LENS_SIZE]), found.pose(row)))
+    centre = target_centre(found.name, found.parameters[:LENS_SIZE], found.view(row))
     away = o.pixel[mine] - centre
     radius, sector = np.hypot(*away.T), np.floor(np.arctan2(*away.T) * 6 / np.pi)
     rings = o.target[mine, 0]

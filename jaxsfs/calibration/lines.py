@@ -20,9 +20,9 @@ from jaxsfs.calibration._line_points import LinePoints, find_lines
 from jaxsfs.calibration._line_search import search_lines
 from jaxsfs.calibration._problem import VIEWS_AT, Rows
 from jaxsfs.calibration._result import Calibration, ViewResult, total_covariance
-from jaxsfs.calibration._ring_setup import CENTRE_SD, SHAPE_SD
+from jaxsfs.calibration._ring_setup import CENTRE_SD, SHAPE_SD, UNSURE
 from jaxsfs.calibration._uncertainty import used_radius
-from jaxsfs.calibration._vectors import line_directions
+from jaxsfs.calibration._vectors import line_directions, line_gradients
 from jaxsfs.photometry import AbstractResponse
 
 MOST_LINES = 128
@@ -68,6 +68,7 @@ def calibrate_grid(
     scores = compare(setup, flexible, groups)
     chosen = preferred(scores) if model == "auto" else score_named(scores, model)
     best = fit(chosen.name, setup, chosen.fit.parameters, noise=chosen.fit.noise)
+    best = _with_shared_error(best, np.concatenate([lines.bend for _, lines in kept]))
     covariance = total_covariance(best, [groups, owner[groups], _bands(best)])
     views = [_view(best, owner, row, index, lines.source) for row, (index, lines) in enumerate(kept)]
     rejected = [(i, why) for i, lines in enumerate(found) if lines is None]
@@ -101,6 +102,14 @@ def _with_precision(found: Fit, owner) -> Setup:
     typical = float(np.nanmedian(sd)) if np.isfinite(sd).any() else 1.0
     precision = np.clip(typical / np.where(np.isfinite(sd), sd, 2 * typical), 0.1, 4.0)
     return dataclasses.replace(found.setup, precision=precision)
+
+
+def _with_shared_error(found: Fit, bend: Float[np.ndarray, "count 2"]) -> Fit:
+    """The fit with the error that all points may share: a part of what blur was found to move them across the line."""
+    across = line_gradients(found)
+    across = across / np.maximum(np.hypot(*across.T), 1e-12)[:, None]
+    systematic = UNSURE * np.sum(across * bend, axis=1, keepdims=True)
+    return dataclasses.replace(found, setup=dataclasses.replace(found.setup, systematic=systematic))
 
 
 def _bands(found: Fit) -> Int[np.ndarray, " count"]:

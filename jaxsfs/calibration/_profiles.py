@@ -1,0 +1,136 @@
+"""The angle α of a ray from the axis as a function of q = image radius/f, with its derivatives, for every lens model.
+
+One formula for all models, weighted by one-hot weights, so that one small program serves them all:
+
+    q = w₀ s(1 + k s²) + w₁ 2 sin(α/2) + w₂ (α + k₁α³ + k₂α⁵ + …) + w₃ 2 tan(α/2) + w₄ tan α,    s = sin α,
+
+solved for α, or α = atan2(q, 1 + a₂q² + a₃q³ + a₄q⁴). Written for numpy, on the host, and for JAX, inside the compiled
+fits. (The cameras' own `ray` would have to be differentiated twice and compile ten times longer; a test holds the two
+together.)
+"""
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jaxsfs.calibration._arrays import AnyArray, constant, module_of, repeated
+
+SHAPES = 4
+SINE, HALF_SINE, SERIES, HALF_TANGENT, TANGENT, AXIAL = range(6)
+# largest α: for finite fields a little short of the end, where α'(q) → ∞ would make every distance in px vanish
+_ENDS = (np.arcsin(0.998), 2 * np.arcsin(0.998), np.pi, 0.99 * np.pi, 0.495 * np.pi, np.pi)
+_LEAST_SLOPE = 0.02  # dq/dα next to the end of a profile
+_LAST_SLOPE = 0.06  # and beyond it
+_BEYOND = 1e-6
+
+
+class _Model(NamedTuple):
+    """Array module, weights w and largest α of a model."""
+
+    xp: ModuleType
+    weights: Any
+    end: Any
+
+
+def angle(
+    build: int | Int[Array, ""], shape: Float[AnyArray, "4"], q: Float[AnyArray, " count"]
+) -> tuple[Float[AnyArray, " count"], Float[AnyArray, " count"], Float[AnyArray, "4 count"]]:
+    """α(q), ∂α/∂q and ∂α/∂shape of the model `build`."""
+    xp = module_of(q)
+    model = _Model(xp, xp.where(xp.arange(6) == build, 1.0, 0.0), xp.asarray(_ENDS)[build])
+    implicit, explicit = _by_root(model, shape, q), _axial(xp, shape, q)
+    alpha, slope, by_shape = (xp.where(build == AXIAL, b, a) for a, b in zip(implicit, explicit, strict=True))
+    return alpha, slope, by_shape
+
+
+def radius(
+    build: int | Int[Array, ""], shape: Float[AnyArray, "4"], alpha: Float[AnyArray, " count"]
+) -> tuple[Float[AnyArray, " count"], Float[AnyArray, " count"], Float[AnyArray, "4 count"]]:
+    """The other way: q(α), ∂q/∂α and ∂q/∂shape, α in [0, π]."""
+    xp = module_of(alpha)
+    model = _Model(xp, xp.where(xp.arange(6) == build, 1.0, 0.0), xp.asarray(_ENDS)[build])
+    inside = xp.minimum(alpha, model.end)
+    value, slope = _profile(model, shape, inside)
+    along = value + _LAST_SLOPE * (alpha - inside), xp.where(alpha > inside, _LAST_SLOPE, slope)
+    profile = *along, _profile_by_shape(model, inside)
+    return tuple(xp.where(build == AXIAL, b, a) for a, b in zip(profile, _axial_radius(xp, shape, alpha), strict=True))
+
+
+def _by_root(model: _Model, shape, q):
+    """The root and ∂α/∂q = 1/profile', ∂α/∂s = −∂profile/∂s/profile'."""
+    xp = model.xp
+    alpha = _root(model, constant(shape), constant(q))
+    value, slope = _profile(model, shape, alpha)
+    # beyond its end the profile goes on straight and steeply: what lies there has no ray, and leads a fit back
+    beyond = q > value + _BEYOND
+    alpha = alpha + (q - value) / xp.where(beyond, _LAST_SLOPE, xp.maximum(slope, _LEAST_SLOPE))
+    slope = xp.maximum(_profile(model, shape, xp.minimum(alpha, model.end))[1], _LEAST_SLOPE)
+    slope = xp.where(beyond, _LAST_SLOPE, slope)
+    return alpha, 1 / slope, -_profile_by_shape(model, alpha) / slope[None]
+
+
+def _root(model: _Model, shape, q):
+    """Bisection, then Newton's method; `end` where the profile does not reach q."""
+    xp = model.xp
+
+    def halve(bracket):
+        low, high = bracket
+        middle = 0.5 * (low + high)
+        value, slope = _profile(model, shape, middle)
+        below = (value < q) & (slope > 0)
+        return xp.where(below, middle, low), xp.where(below, high, middle)
+
+    def newton(alpha):
+        value, slope = _profile(model, shape, alpha)
+        return xp.clip(alpha + xp.clip((q - value) / xp.maximum(slope, _LEAST_SLOPE), -0.05, 0.05), 0.0, model.end)
+
+    low, high = repeated(xp, 8, halve, (xp.zeros_like(q), xp.zeros_like(q) + model.end))
+    return repeated(xp, 6, newton, 0.5 * (low + high))
+
+
+def _profile(model: _Model, shape, alpha):
+    """q(α) and its slope."""
+    xp, w = model.xp, model.weights
+    half, beside = xp.sin(alpha / 2), xp.cos(alpha / 2)
+    sine, cosine = 2 * half * beside, 1 - 2 * half**2
+    beside, across = xp.maximum(beside, 1e-3), xp.where(xp.abs(cosine) < 1e-3, 1e-3, cosine)
+    square = alpha**2
+    terms = shape[0] + square * (shape[1] + square * (shape[2] + square * shape[3]))
+    slopes = 3 * shape[0] + square * (5 * shape[1] + square * (7 * shape[2] + square * 9 * shape[3]))
+    value = (
+        w[SINE] * sine * (1 + shape[0] * sine**2) + w[HALF_SINE] * 2 * half + w[SERIES] * alpha * (1 + square * terms)
+    )
+    slope = w[SINE] * cosine * (1 + 3 * shape[0] * sine**2) + w[HALF_SINE] * beside + w[SERIES] * (1 + square * slopes)
+    value = value + w[HALF_TANGENT] * 2 * half / beside + w[TANGENT] * sine / across
+    return value, slope + w[HALF_TANGENT] / beside**2 + w[TANGENT] / across**2
+
+
+def _profile_by_shape(model: _Model, alpha):
+    xp, square, cube = model.xp, alpha**2, alpha**3
+    first = model.weights[SINE] * xp.sin(alpha) ** 3 + model.weights[SERIES] * cube
+    more = model.weights[SERIES] * cube * square
+    return xp.stack([first, more, more * square, more * square**2])
+
+
+def _axial_radius(xp: ModuleType, shape, alpha):
+    """Newton's method from the sine; the last step carries the derivatives."""
+    held, goal = constant(shape), constant(alpha)
+
+    def newton(q):
+        angle_of, slope, _ = _axial(xp, held, q)
+        return xp.maximum(q + xp.clip((goal - angle_of) / xp.maximum(slope, _LEAST_SLOPE), -0.3, 0.3), 0.0)
+
+    q = repeated(xp, 12, newton, xp.sin(xp.minimum(goal, np.pi / 2)))
+    _, slope, by_shape = _axial(xp, shape, q)
+    slope = xp.maximum(slope, _LEAST_SLOPE)
+    return q, 1 / slope, -by_shape / slope[None]
+
+
+def _axial(xp: ModuleType, shape, q):
+    along = 1 + q**2 * (shape[0] + q * (shape[1] + q * shape[2]))
+    fall = q * (2 * shape[0] + q * (3 * shape[1] + q * 4 * shape[2]))
+    norm = q**2 + along**2
+    by_shape = -(q / norm)[None] * xp.stack([q**2, q**3, q**4, xp.zeros_like(q)])
+    return xp.arctan2(q, along), (along - q * fall) / norm, by_shape
