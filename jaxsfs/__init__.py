@@ -42,6 +42,7 @@ _HOME = {
         "perspective_like",
         "rectification_map",
     ),
+    "jaxsfs.arrival": ("ArrivalTimes", "arrival_from_point", "arrival_times"),
     "jaxsfs.reflectance": (
         "AbstractReflectance",
         "BlinnPhong",
@@ -101,6 +102,11 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.animation import (
         front_frames as front_frames,
+    )
+    from jaxsfs.arrival import (
+        ArrivalTimes as ArrivalTimes,
+        arrival_from_point as arrival_from_point,
+        arrival_times as arrival_times,
     )
     from jaxsfs.camera import (
         AbstractCamera as AbstractCamera,

@@ -1,7 +1,9 @@
 """The benchmarks run, and what they compare is the same scheme. Nothing here judges a time."""
 
+import csv
 from pathlib import Path
 
+import jax
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "experiments" / "benchmarks"
@@ -31,3 +33,24 @@ def test_level_set_benchmark_prints_its_table(level_set_step, monkeypatch, capsy
     assert "| numpy |" in printed
     assert "numpy/jaxsfs:" in printed
     assert "triad" in printed
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("arrival", "near-light", "level-set", "sphere")]
+
+
+@pytest.mark.parametrize("only", ["round-in-c", *SLOW])
+def test_benchmarks_run_at_a_tiny_size(only, monkeypatch, capsys, tmp_path):
+    """Every program that this machine has gives a time and an error; peers that it lacks are named with the reason."""
+    monkeypatch.syspath_prepend(FOLDER)
+    import run
+
+    monkeypatch.setattr("sys.argv", ["run.py", "--quick", "--only", only, "--out", str(tmp_path)])
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        run.main()
+    rows = list(csv.DictReader((tmp_path / "benchmarks.csv").read_text().splitlines()))
+    assert rows[0]["program"].startswith("jaxsfs")
+    for row in rows:
+        assert row["ns_per_px"] or row["note"].startswith("skipped: "), row
+    assert "| jaxsfs, order" in capsys.readouterr().out
+    errors = [float(row["error"]) for row in rows if row["program"].startswith("jaxsfs") and row["error"]]
+    assert all(error < 0.03 for error in errors)

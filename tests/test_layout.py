@@ -12,7 +12,7 @@ LAYERS = (
     ("forms", "differences"),
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading"),
-    ("geometry", "levelset", "sweeping", "initial", "lights", "occlusion", "rim", "status", "enclosed"),
+    ("geometry", "arrival", "levelset", "sweeping", "initial", "lights", "occlusion", "rim", "status", "enclosed"),
     ("implicit",),
     ("front",),
     ("rendering", "reconstruction", "photo", "field", "specular", "noise"),
