@@ -126,7 +126,32 @@ def test_what_the_environment_says_goes_first(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     monkeypatch.delitem(sys.modules, "jax")
     monkeypatch.setattr("cv2.setNumThreads", lambda count: None)
-    for name in PINS.keys() - {"OMP_NUM_THREADS"}:
+    monkeypatch.setenv("XLA_FLAGS", "--xla_force_host_platform_device_count=2")
+    for name in PINS.keys() - {"OMP_NUM_THREADS", "XLA_FLAGS"}:
         monkeypatch.setenv(name, os.environ.get(name, ""))
     pin_threads()
     assert os.environ["OMP_NUM_THREADS"] == "3"
+    flags = os.environ["XLA_FLAGS"].split()
+    assert flags == ["--xla_force_host_platform_device_count=2", "--xla_cpu_multi_thread_eigen=false"]
+
+
+@pytest.mark.slow
+def test_several_devices_share_the_batches(folder, tmp_path):
+    """Two of XLA's virtual devices: both are used, and the surfaces are those of one."""
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, jax; from jaxsfs.cli import main; used = set(); default = jax.default_device\n"
+        "def noted(device):\n    used.add(device.id)\n    return default(device)\n"
+        "jax.default_device = noted; assert main(sys.argv[1:]) == 0; print(len(used))"
+    )
+    ranges = []
+    for count in (1, 2):
+        out = tmp_path / f"{count}.zarr"
+        flags = {"XLA_FLAGS": f"--xla_force_host_platform_device_count={count}"}
+        line = [sys.executable, "-c", code, *words(folder, out, "--frames", "0:8", "--quiet")]
+        used = subprocess.run(line, capture_output=True, text=True, env=os.environ | flags, check=True).stdout
+        assert int(used) == (0 if count == 1 else 2)  # one device needs no choice
+        ranges.append(np.asarray(FrameStore(out)._group["range"][:]))
+    np.testing.assert_allclose(ranges[0], ranges[1], rtol=2e-5)

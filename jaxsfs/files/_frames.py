@@ -1,6 +1,7 @@
 """Frames one after the other: a video, a folder of pictures, a DICOM file."""
 
 import abc
+import os
 import re
 from pathlib import Path
 
@@ -106,6 +107,7 @@ class VideoFrames(AbstractFrames):
         self._video.release()
 
     def _opened(self) -> cv2.VideoCapture:
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong is said below
         video = cv2.VideoCapture(str(self.path))
         if not video.isOpened():
             raise InputError(f"{self.path} is no video that can be read; expected MP4, AVI or MKV, or a folder")

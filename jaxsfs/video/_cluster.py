@@ -1,6 +1,9 @@
 """Frames on the workers of a Dask cluster: one that is there, or one of processes on this machine."""
 
 import contextlib
+import logging
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -60,12 +63,25 @@ def _client(scheduler: str | None, processes: int) -> Iterator[Any]:
         "distributed.worker.multiprocessing-method": "spawn",
         "distributed.scheduler.allowed-failures": _TRIES - 1,
     }
-    with (
-        dask.config.set(pinned),
-        LocalCluster(processes, threads_per_worker=1, dashboard_address=":0", memory_limit=0) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+    with dask.config.set(pinned):
+        with _interrupts_ignored():
+            options: dict[str, Any] = {"dashboard_address": ":0", "memory_limit": 0, "silence_logs": logging.ERROR}
+            cluster = LocalCluster(processes, threads_per_worker=1, **options)
+        with cluster, Client(cluster) as client:
+            yield client
+
+
+@contextlib.contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Processes started meanwhile leave Ctrl-C to this one, which ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _cache() -> dict[str, str]:

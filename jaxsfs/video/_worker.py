@@ -27,6 +27,8 @@ def pin_threads() -> None:
     if "jax" not in sys.modules:
         for name, number in PINS.items():
             os.environ.setdefault(name, number)
+        if "xla_cpu_multi_thread_eigen" not in os.environ["XLA_FLAGS"]:
+            os.environ["XLA_FLAGS"] += f" {PINS['XLA_FLAGS']}"
     import cv2
 
     cv2.setNumThreads(1)
