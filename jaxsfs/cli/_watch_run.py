@@ -103,7 +103,6 @@ def _settings(options: WatchOptions, file: CameraFile, frame: np.ndarray) -> Fra
         shrink=shrink_for(camera),
         smooth_px=common_smoothing([small], mask)[0],
         occlusions="off",
-        rounds=4,
     )
     return dataclasses.replace(settings, highlight=common_highlight([small], settings))
 
