@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -216,3 +217,15 @@ def test_a_store_that_was_not_finished_being_made_is_none(tmp_path):
     values = {"range": np.ones((2, 3, 4), np.float32), "status": np.zeros(2, np.int8)}
     store.write(0, values)
     assert made().missing() == [(0, 2), (2, 4), (4, 5)]
+
+
+@pytest.mark.slow
+def test_the_experiment_says_how_fast_and_how_still(tmp_path):
+    script = Path(__file__).parents[1] / "experiments" / "video.py"
+    subprocess.run([sys.executable, str(script), "--quick", "--out", str(tmp_path)], check=True, capture_output=True)
+    text = (tmp_path / "video.md").read_text(encoding="utf-8")
+    runs = [line.split(" | ")[0].strip("| ") for line in text.splitlines() if line.startswith("| ")][1:]
+    assert runs == ["threads", "1 worker", "2 workers"]
+    error, deviation = (float(re.search(rf"{words} (0\.\d+)", text)[1]) for words in ("error of range", "deviation of"))
+    assert error < 0.15
+    assert deviation < 0.1
