@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxsfs.calibration import LENSES, PlanePose, tilted
-from jaxsfs.calibration._lens import camera_of, rays, start_lens
+from jaxsfs.calibration._lens import camera_of, images, rays, start_lens
 from jaxsfs.calibration._plane import rotate, rotation_vector
 
 SHAPES = {
@@ -33,6 +33,13 @@ def test_profile_and_slope_are_those_of_the_camera(name):
     seen = rays(LENSES[name].build, lens, np.array(pixels))
     np.testing.assert_allclose(seen.ray, jax.vmap(camera.ray)(pixels), atol=2e-9)
     np.testing.assert_allclose(seen.slope, jax.vmap(jax.jacfwd(camera.ray))(pixels), atol=2e-7)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_points_are_seen_where_their_rays_start(name):
+    lens, pixels = lens_vector(name), np.array([[400.0, 300.0], [150.0, 90.0], [505.0, 250.0], [320.0, 470.0]])
+    ray = rays(LENSES[name].build, lens, pixels).ray
+    np.testing.assert_allclose(images(LENSES[name].build, lens, 20.0 * ray).pixel, pixels, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", LENSES)

@@ -37,8 +37,7 @@ def solve(
     moves y = (parameters − start)/scale: with conditional sds as scales no unit is favoured, and its tolerance is a
     share of an sd.
     """
-    o, free, exact = problem.observations, problem.free, problem.observations.kind != "lines"
-    scale = _STRIDE * scale if exact else jnp.ones_like(scale)
+    o, free, scale = problem.observations, problem.free, _STRIDE * scale
     weight = (o.weight / noise)[:, None]
 
     def natural(y):
@@ -64,20 +63,19 @@ def solve(
         return value, jacobian @ tangents[0]
 
     def objective(y, _):
-        return with_held_metric(y) if exact else stacked(y, live_residuals(o, natural(y)))
+        return stacked(y, live_residuals(o, natural(y))) if o.kind == "lines" else with_held_metric(y)
 
     begin = jnp.zeros_like(start)
-    found = optx.least_squares(objective, _solver(exact), begin, options={"jac": "fwd"}, max_steps=_STEPS, throw=False)
+    found = optx.least_squares(objective, _solver(), begin, options={"jac": "fwd"}, max_steps=_STEPS, throw=False)
     # out of steps is not out of hope: flexible lenses creep along directions that the data hardly feel
     ended = (found.result == optx.RESULTS.successful) | (found.result == optx.RESULTS.nonlinear_max_steps_reached)
     return Solution(start + jnp.where(free, scale * found.value, 0.0), ended, found.stats["num_steps"])
 
 
-def _solver(exact: bool) -> optx.LevenbergMarquardt:
-    """Levenberg–Marquardt; where its Jacobian is that of the residuals it trusts a step that went mostly as predicted:
-    with the usual 99 % it creeps along directions that the data hardly feel."""
+def _solver() -> optx.LevenbergMarquardt:
+    """Levenberg–Marquardt that trusts a step once it went mostly as predicted: with the usual 99 % it creeps along
+    directions that the data hardly feel."""
     # the normal equations: QR of a tall matrix starts threads that fight with others for the cores
-    linear = lx.Normal(lx.Cholesky())
-    solver = optx.LevenbergMarquardt(rtol=1e-6, atol=_TOLERANCE if exact else 1e-6, linear_solver=linear)
+    solver = optx.LevenbergMarquardt(rtol=1e-6, atol=_TOLERANCE, linear_solver=lx.Normal(lx.Cholesky()))
     trusting = optx.ClassicalTrustRegion(high_cutoff=0.6, high_constant=8.0)
-    return eqx.tree_at(lambda one: one.search, solver, trusting) if exact else solver
+    return eqx.tree_at(lambda one: one.search, solver, trusting)
