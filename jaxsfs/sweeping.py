@@ -14,8 +14,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float, Int, UInt8
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsfs.forms import Scalar
 from jaxsfs.shading import AbstractShading, Balance
@@ -25,10 +24,6 @@ Mask = Bool[Array, "height width"]
 
 _PAD = 2  # rows and columns beyond the image that second order reads
 _HUGE = 1e30  # v where there is no data: never upwind of anything
-_SETTLED = 1e-2  # mean relative change of a first-order round after which second order begins
-# Parts of the rise of v over a pixel: offers that differ by less make several owners of one pixel; a direction that
-# owns nothing must offer so much less.
-_TIE, _TAKE_OVER = 0.1, 0.25
 
 
 class Sweeps(eqx.Module):
@@ -84,44 +79,35 @@ def sweep(
     frames = (frame, frame.transposed())
     extent = (v.shape[0] + v.shape[1]) / jnp.sqrt(jnp.max(jnp.where(inside, frame.g11, 0)))
 
-    def balances(v):
-        """The equation at `v`, for sweeps over rows and over columns."""
-        balance = shading.quadratic_balance() if quadratic else shading.balance(v, p)
-        return balance, jax.tree.map(jnp.transpose, balance)
-
-    held = balances(v) if quadratic else None
-
-    def one_round(v, owners, second):
+    def one_round(v, owner, second, frozen):
         for axis in (0, 1):
-            for backward in (False, True):
-                vt, own = jax.tree.map(jnp.transpose, (v, owners)) if axis else (v, owners)
-                balance, bit = (held or balances(v))[axis], np.uint8(1 << (2 * axis + backward))
-                new = _directional_sweep(vt, own, balance, frames[axis], not backward, bit, second)
-                if own is not None and not second:
-                    own = _Owners(jnp.where(new < vt, bit << 4, own.bits), own.margin)
-                v, owners = jax.tree.map(jnp.transpose, (new, own)) if axis else (new, own)
-        return v, owners
+            f = frames[axis]
+            vt, ot = (x if axis == 0 else x.T for x in (v, owner))
+            for forward in (True, False):
+                # a quadratic equation does not change: XLA computes it once
+                balance = shading.quadratic_balance() if quadratic else shading.balance(vt if axis == 0 else vt.T, p)
+                bt = balance if axis == 0 else jax.tree.map(jnp.transpose, balance)
+                vt, ot = _directional_sweep(
+                    vt, ot, bt, f, jnp.asarray(forward), jnp.int8(2 * axis + forward), second, frozen
+                )
+            v, owner = (vt, ot) if axis == 0 else (vt.T, ot.T)
+        return v, owner
 
-    def until(limit, second, v, owners, before):
-        def proceed(state):
-            _, _, rounds, change = state
-            return (rounds < max_rounds) & ~(change < limit)
+    def proceed(state):
+        _, _, rounds, change, settled_at = state
+        return (rounds < max_rounds) & ~((change < tolerance) & (rounds > settled_at + 1))
 
-        def body(state):
-            v, owners, rounds, _ = state
-            new, owners = one_round(v, owners, second)
-            change = jnp.mean(jnp.abs(new - v) / jnp.maximum(jnp.abs(new), extent), where=inside)
-            return new, owners, rounds + 1, change
+    def body(state):
+        v, owner, rounds, _, settled_at = state
+        second = (order == 2) & (rounds > settled_at)
+        new, owner = one_round(v, owner, second, second & (rounds > settled_at + 3))
+        change = jnp.mean(jnp.abs(new - v) / jnp.maximum(jnp.abs(new), extent), where=inside)
+        # second order starts once the first-order solution knows where everything comes from
+        return new, owner, rounds + 1, change, jnp.where(change < 1e-2, jnp.minimum(settled_at, rounds), settled_at)
 
-        state = jax.lax.while_loop(proceed, body, (v, owners, before, jnp.asarray(jnp.inf, v.dtype)))
-        return state[0], *state[2:]
-
-    # a linearised equation offers too little at first: a pixel must follow whoever lowered it last up again
-    last = None if quadratic else _Owners(jnp.zeros(v.shape, jnp.uint8), jnp.zeros_like(v))
-    # second order starts once the first-order solution knows where everything comes from
-    v, rounds, change = until(tolerance if order == 1 else _SETTLED, False, v, last, jnp.int32(0))
-    if order == 2:
-        v, rounds, change = until(tolerance, True, v, _owners(v, held or balances(v), frames), rounds)
+    settled = jnp.int32(-1 if order == 1 else max_rounds)
+    start = (v, jnp.full(v.shape, -1, jnp.int8), jnp.int32(0), jnp.asarray(jnp.inf, v.dtype), settled)
+    v, _, rounds, change, _ = jax.lax.while_loop(proceed, body, start)
     reached = inside & (v < 0.5 * _HUGE)
     return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change)
 
@@ -133,76 +119,36 @@ def power_for(shading: AbstractShading, order: int) -> Scalar:
     return -1.0 if order == 1 and shading.is_quadratic() else shading.natural_power()
 
 
-class _Owners(eqx.Module):
-    """From which directions each pixel is reached, as bits in the order of the sweeps; the first owner, whose offer is
-    least, also four bits higher. `margin`: how much less a direction that owns nothing must offer."""
-
-    bits: UInt8[Array, "height width"]
-    margin: Image
-
-
-def _directional_sweep(v, owners: _Owners | None, balance: Balance, frame: _Frame, forward: bool, bit, second: bool):
-    """One sweep down (`forward`) or up the rows.
-
-    Without owners it only lowers. In second order values follow their upwind neighbours up as well as down: a pixel's
-    first owner sets it anew in every round, its other owners lower it. If the least always won, values made of old and
-    new neighbours would stay, and the rounds not come to an end.
-    """
+def _directional_sweep(v, owner, balance: Balance, frame: _Frame, forward, direction, second, frozen):
+    """One sweep down (`forward`) or up the rows. `direction` owns the pixels whose value it set: they follow
+    their upwind neighbours up as well as down, which second order needs."""
     height, width = v.shape
     padded = jnp.pad(v, _PAD, constant_values=_HUGE)
-    sign = 1 if forward else -1
 
     def row(n, padded):
-        i = n if forward else height - 1 - n
+        i = jnp.where(forward, n, height - 1 - n)
 
         def neighbour(back, shift):
-            return jax.lax.dynamic_slice(padded, (i + _PAD - sign * back, _PAD + shift), (1, width))
+            return jax.lax.dynamic_slice(
+                padded, (i + _PAD - jnp.where(forward, back, -back), _PAD + shift), (1, width)
+            )[0]
 
         def at(x):
-            return jax.lax.dynamic_slice(x, (i, 0), (1, width))
+            return jax.lax.dynamic_slice(x, (i, 0), (1, width))[0]
 
         old = neighbour(0, 0)
-        g11, g12, g22 = at(frame.g11), sign * at(frame.g12), at(frame.g22)
+        g11, g12, g22 = at(frame.g11), jnp.where(forward, 1, -1).astype(v.dtype) * at(frame.g12), at(frame.g22)
         candidate = _row_update(neighbour, g11, g12, g22, jax.tree.map(at, balance), second)
-        better = candidate < old
-        if owners is not None:
-            bits = at(owners.bits)
-            better &= ((bits & bit) != 0) | (candidate < old - at(owners.margin))
-            better |= (bits & (bit << 4)) != 0
-        new = jnp.where(at(frame.free) & better, jnp.minimum(candidate, at(frame.top)), old)
-        return jax.lax.dynamic_update_slice(padded, new, (i + _PAD, _PAD))
+        mine = at(owner) == direction
+        better = (candidate < old) & ~frozen
+        new = jnp.where(at(frame.free) & (better | mine), jnp.minimum(candidate, at(frame.top)), old)
+        return jax.lax.dynamic_update_slice(padded, new[None], (i + _PAD, _PAD))
 
-    return jax.lax.fori_loop(0, height, row, padded)[_PAD:-_PAD, _PAD:-_PAD]
+    new = jax.lax.fori_loop(0, height, row, padded)[_PAD:-_PAD, _PAD:-_PAD]
+    return new, jnp.where(new < v, direction, owner)
 
 
-def _owners(v, balances, frames) -> _Owners:
-    """Who owns each pixel, by the first-order offers at the first-order solution."""
-    offers, rows = [], None
-    for axis in (0, 1):
-        frame, vt = frames[axis], v.T if axis else v
-        padded = jnp.pad(vt, _PAD, constant_values=_HUGE)
-        for sign in (1, -1):
-
-            def neighbour(back, shift, padded=padded, shape=vt.shape, sign=sign):
-                begin = _PAD - sign * back, _PAD + shift
-                return jax.lax.slice(padded, begin, (begin[0] + shape[0], begin[1] + shape[1]))
-
-            offer = _row_update(neighbour, frame.g11, sign * frame.g12, frame.g22, balances[axis], False)
-            offers.append(offer.T if axis else offer)
-            before = jnp.minimum(neighbour(1, 0), jnp.minimum(neighbour(1, -1), neighbour(1, 1)))
-            before = before.T if axis else before
-            rows = before if rows is None else jnp.minimum(rows, before)
-    least = jnp.minimum(jnp.minimum(offers[0], offers[1]), jnp.minimum(offers[2], offers[3]))
-    rise = jnp.maximum(least - rows, 0)
-    bits = jnp.zeros(v.shape, jnp.uint8)
-    for n, offer in enumerate(offers):
-        owns = (offer <= least + _TIE * rise) & (offer < 0.5 * _HUGE)
-        bits |= jnp.where(owns, np.uint8(1 << n), np.uint8(0))
-        bits |= jnp.where(owns & (offer == least) & (bits < 16), np.uint8(16 << n), np.uint8(0))
-    return _Owners(bits, _TAKE_OVER * rise)
-
-
-def _row_update(neighbour, g11, g12, g22, balance: Balance, second: bool):
+def _row_update(neighbour, g11, g12, g22, balance: Balance, second):
     """The smallest v that the row before offers, from two triangles and three edges.
 
     What `_from_edge` and `_from_triangle` say one by one, in x = v − v(y) and D = a x − b, so that nothing is divided
@@ -231,13 +177,11 @@ def _row_update(neighbour, g11, g12, g22, balance: Balance, second: bool):
     return best
 
 
-def _difference(here, near, far, second: bool):
-    """(a, b) of the difference a (v − near) − b: `_one_sided` for rows whose order is known when compiled."""
-    if not second:
-        return 1.0, 0.0
+def _difference(here, near, far, second):
+    """(a, b) of the difference a (v − near) − b that `_one_sided` means."""
     fall, before = here - near, near - far
     ratio = before / fall
-    share = jnp.where(fall > 0, 0.5 * jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1), 0)
+    share = jnp.where(second & (fall > 0), 0.5 * jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1), 0)
     return 1 + share, share * before
 
 
