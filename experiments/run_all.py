@@ -3,14 +3,16 @@
     python experiments/run_all.py --quick
     python experiments/run_all.py --out out/experiments
 
-Resumable: an experiment that has finished with the same options and the same source file is not run again (`--again`
-runs it). `--jobs` of them run at a time, sharing a cache of compiled programs. Their output goes to log.txt in their
+Resumable: an experiment that has finished with the same options and the same source, of itself and of all that it can
+import, is not run again (`--again` runs it). `--jobs` of them run at a time, sharing a cache of compiled programs. Their output goes to log.txt in their
 folders; index.md lists folders, times and results. Exit code 1 if one of them failed.
 """
 
 import argparse
 import concurrent.futures
+import functools
 import hashlib
+import importlib.util
 import json
 import os
 import subprocess
@@ -25,13 +27,23 @@ HERE = Path(__file__).parent
 EXPERIMENTS = (
     "convergence", "methods", "model_errors", "lights", "figure6", "figure5", "figure3", "figure2", "photographs",
     "figure4", "accuracy",
+    *(("crosscheck", "interreflection") if importlib.util.find_spec("mitsuba") else ()),
 )  # fmt: skip
 
 
 def key_of(name: str, quick: bool) -> str:
     """What a finished run is recognised by."""
-    source = hashlib.sha256((HERE / f"{name}.py").read_bytes()).hexdigest()[:16]
-    return f"{'quick' if quick else 'full'} {source}"
+    source = hashlib.sha256((HERE / f"{name}.py").read_bytes() + shared_source())
+    return f"{'quick' if quick else 'full'} {source.hexdigest()[:16]}"
+
+
+@functools.cache
+def shared_source() -> bytes:
+    """What every experiment may import: the package, the scenes, and the experiments' own helpers."""
+    helpers = [path for path in HERE.glob("*.py") if path.stem not in (*EXPERIMENTS, "run_all")]
+    packages = [HERE / "baselines", HERE / "baselines_specular", HERE.parent / "jaxsfs", HERE.parent / "data_synth"]
+    files = helpers + [path for package in packages for path in package.rglob("*.py")]
+    return b"".join(path.read_bytes() for path in sorted(files))
 
 
 def finished(folder: Path, key: str) -> dict | None:
