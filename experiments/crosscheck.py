@@ -84,11 +84,22 @@ def exact_row(name: str, lens: str, size: int, count: int) -> tuple[dict, dict]:
         made = jax.tree.map(np.asarray, render(jax.tree.map(jnp.asarray, seen.surface)))
     usable = made.valid[v, u]
     differenced = np.abs(made.values[v, u] / radiance - 1)[usable].mean()
-    row = {"scene": name, "camera": lens, "rays": len(v), "range, max": f"{np.abs(distance / truth - 1).max():.1e}",
-           "radiance, max": f"{np.abs(radiance / light - 1).max():.1e}", "render, mean": f"{differenced:.1e}"}  # fmt: skip
-    golden = {"scene": name, "camera": lens, "size": size, "u": u.tolist(), "v": v.tolist(),
-              "range": [float(f"{x:.7g}") for x in distance], "radiance": [float(f"{x:.7g}") for x in radiance]}  # fmt: skip
+    row = {
+        "scene": name,
+        "camera": lens,
+        "rays": len(v),
+        "range, max": f"{np.abs(distance / truth - 1).max():.1e}",
+        "radiance, max": f"{np.abs(radiance / light - 1).max():.1e}",
+        "render, mean": f"{differenced:.1e}",
+    }
+    golden = {"scene": name, "camera": lens, "size": size, "u": u.tolist(), "v": v.tolist()}
+    golden |= {"range": digits(distance), "radiance": digits(radiance)}
     return row, golden
+
+
+def digits(values: np.ndarray) -> list[float]:
+    """What is worth storing of single precision."""
+    return [float(f"{value:.7g}") for value in values]
 
 
 def mesh_row(name: str, lens: str, size: int, count: int) -> dict:
