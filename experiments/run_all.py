@@ -4,8 +4,8 @@
     python experiments/run_all.py --out out/experiments
 
 Resumable: an experiment that has finished with the same options and the same source, of itself and of all that it can
-import, is not run again (`--again` runs it). `--jobs` of them run at a time, sharing a cache of compiled programs. Their output goes to log.txt in their
-folders; index.md lists folders, times and results. Exit code 1 if one of them failed.
+import, is not run again (`--again` runs it). `--jobs` of them run at a time, sharing a cache of compiled programs.
+Their output goes to log.txt in their folders; index.md lists folders, times and results. Exit code 1 if one failed.
 """
 
 import argparse
