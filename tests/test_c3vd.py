@@ -47,6 +47,7 @@ def root(tmp_path):
     return root
 
 
+@pytest.mark.slow
 def test_table_per_video_and_total_and_resumes(c3vd, root, tmp_path, monkeypatch):
     rows = c3vd.run(root, tmp_path / "out", 1, None, c3vd.Photometry())
     assert [(row["video"], row["frames"]) for row in rows] == [("cecum_t1_a", 1), ("trans_t2_b", 2), ("all frames", 3)]

@@ -41,6 +41,7 @@ def abs_rel(view, stored, valid, gamma, mu, power):
     return float(np.mean(np.abs(found * np.median(truth) / np.median(found) / truth - 1)))
 
 
+@pytest.mark.slow
 def test_known_ranges_give_the_photometry(scope):
     view, stored, valid, known = scope
     found = estimate_photometry(stored.mean(axis=-1) / 255, view.camera, known, valid)
@@ -85,6 +86,7 @@ def test_the_command_line_estimates_and_gives_millimetres(folder, scope, tmp_pat
     assert np.nanmean(np.abs(found / true - 1)) < 0.02
 
 
+@pytest.mark.slow
 def test_lights_need_a_scale_and_are_recorded(folder, tmp_path, capsys):
     assert main(words(folder, "--out", f"{tmp_path}/a", "--lights", f"{folder}/lights.json")) == 2
     assert "the scale must be known" in capsys.readouterr().err

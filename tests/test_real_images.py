@@ -42,7 +42,7 @@ def test_structure_points_project_into_the_picture(real_data, data, frame, visib
     ("frame", "settings", "spearman_depth", "spearman_range", "abs_rel"),
     [
         (4584, "blood", 0.64, 0.85, 0.10),
-        (4600, "blood", 0.82, 0.85, 0.08),
+        pytest.param(4600, "blood", 0.82, 0.85, 0.08, marks=pytest.mark.slow),
     ],
 )
 def test_depth_of_sinus_follows_structure_from_motion(
@@ -58,7 +58,7 @@ def test_depth_of_sinus_follows_structure_from_motion(
 
 
 @pytest.mark.parametrize(("frame", "raw", "preset"), [("0000", 0.24, 0.125), ("0004", 0.22, 0.11)])
-@pytest.mark.parametrize("camera", ["A", "B"])
+@pytest.mark.parametrize("camera", ["A", pytest.param("B", marks=pytest.mark.slow)])
 def test_depth_of_rendered_colon(real_data, data, frame, raw, preset, camera):
     """Both readings of the camera: within 0.13 by the preset photometry, and better than without it."""
     case = real_data.simcol_case(folder_of(data, real_data.SIMCOL), frame, camera, 2)
@@ -71,6 +71,7 @@ def test_depth_of_rendered_colon(real_data, data, frame, raw, preset, camera):
     assert reached["spearman_depth"] >= 0.92
 
 
+@pytest.mark.slow
 def test_run_writes_table_and_pictures(real_data, data, tmp_path, monkeypatch):
     """One small case through the whole script: table, CSV and a picture per setting."""
     case = real_data.simcol_case(folder_of(data, real_data.SIMCOL), "0004", "B", 8)

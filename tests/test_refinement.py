@@ -78,6 +78,7 @@ def test_minnaert_surfaces_are_refined_too():
     assert error(done.result, truth, valid) < 5e-4
 
 
+@pytest.mark.slow
 def test_a_known_range_keeps_the_scale():
     """The image in arbitrary units; the range at one pixel, not the albedo, makes millimetres."""
     image, camera, truth, valid = picture(Plane(20.0), ONE)
