@@ -20,6 +20,7 @@ from jaxsfs.rim import find_rim, limited_at_rim
 from jaxsfs.shading import AbstractShading, DistantLight, LightAtCamera, distant_light, light_at_camera
 from jaxsfs.status import Statistics, Status, status_of
 from jaxsfs.surface import Surface
+from jaxsfs.window import Window, window_of
 
 Image = Float[Array, "height width"]
 Mask = Bool[Array, "height width"]
@@ -102,6 +103,36 @@ def reconstruct_with_residual(
 def _found_and_misfit(
     irradiance: Irradiance, camera, albedo, reflectance, light, solver, order, initial, concave, steps, occlusions, rim
 ) -> tuple[Reconstruction, Float[np.ndarray, "height width"]]:
+    """As `_whole`, computed in the window of the valid pixels where nothing else is given for the whole picture."""
+    _check_size(irradiance, camera)
+    options = (albedo, reflectance, light, solver, order, initial, concave, steps, occlusions, rim)
+    near = light == "camera" and isinstance(camera, AbstractCentralCamera) and isinstance(occlusions, str)
+    window = _window(irradiance) if near and (initial is None or isinstance(initial, Deadline)) else None
+    if window is None:
+        return _whole(irradiance, camera, *options)
+    part = Irradiance(window.cut(irradiance.values, 0), window.cut(irradiance.valid, False))
+    found, misfit = _whole(part, window.camera(camera), *options)
+    shape, surface = irradiance.values.shape, found.surface
+    assert surface.contours is not None
+    pasted = Surface(
+        camera,
+        jnp.asarray(window.paste(surface.range, shape, 1)),
+        jnp.asarray(window.paste(surface.valid, shape, False)),
+        jnp.asarray(window.paste(surface.contours, shape, False)),
+    )
+    whole = Reconstruction(pasted, irradiance, found.statistics, albedo, status=found.status)
+    return whole, window.paste(misfit, shape, np.nan)
+
+
+def _window(irradiance: Irradiance) -> Window | None:
+    values = np.asarray(held(irradiance.values))
+    return window_of(np.asarray(irradiance.valid) & np.isfinite(values) & (values > 0))
+
+
+def _whole(
+    irradiance: Irradiance, camera, albedo, reflectance, light, solver, order, initial, concave, steps, occlusions, rim
+) -> tuple[Reconstruction, Float[np.ndarray, "height width"]]:
+    """Surface and misfit map of a picture."""
     inside = _usable(irradiance, camera)
     dtype = irradiance.values.dtype
     metric = camera.inverse_metrics(dtype)
@@ -170,13 +201,16 @@ def residual_map(
     return _misfit_map(result.surface, result.irradiance, result.albedo, reflectance, light)
 
 
-def _usable(irradiance: Irradiance, camera: AbstractCamera) -> Mask:
+def _check_size(irradiance: Irradiance, camera: AbstractCamera) -> None:
     shape = irradiance.values.shape
     if shape != (camera.height, camera.width):
         raise ValueError(
             f"the image is {shape[1]} x {shape[0]} px but the camera {camera.width} x {camera.height} px: "
             f"use the camera of this image size (camera.resized or camera.cropped)"
         )
+
+
+def _usable(irradiance: Irradiance, camera: AbstractCamera) -> Mask:
     usable = irradiance.valid & camera.field() & jnp.isfinite(irradiance.values) & (irradiance.values > 0)
     if not bool(jnp.any(usable)):
         raise ValueError("no pixel is valid, has irradiance above 0 and a ray of the camera: check mask and exposure")

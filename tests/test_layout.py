@@ -11,7 +11,7 @@ ROOT = Path(jaxsfs.__file__).parent
 LAYERS = (
     ("forms", "differences"),
     ("camera", "reflectance", "upwind"),
-    ("photometry", "irradiance", "surface", "shading"),
+    ("photometry", "irradiance", "surface", "shading", "window"),
     ("geometry", "arrival", "levelset", "sweeping", "initial", "lights", "occlusion", "rim", "status", "enclosed"),
     ("implicit",),
     ("front",),
