@@ -9,6 +9,8 @@ from tyro.conf import Positional
 from jaxsfs.cli._options import FLAT, value
 from jaxsfs.cli._terminal import jax_session, say
 
+_COMPLIANT = 0.8  # share of planar regions; exact dichromatic pictures reach 0.98 or more, real frames 0.2 to 0.65
+
 
 @dataclasses.dataclass(frozen=True)
 class SpecularOptions:
@@ -52,7 +54,7 @@ def _separated(options: SpecularOptions) -> int:
     from jaxsfs.field import find_field
     from jaxsfs.photo import automatic_response
     from jaxsfs.photometry import parse_response
-    from jaxsfs.specular import remove_highlights, saturated
+    from jaxsfs.specular import dichromatic_compliance, remove_highlights, saturated
 
     photo = files.read_image(options.image)
     curve = options.response or automatic_response(photo.dtype)
@@ -60,10 +62,11 @@ def _separated(options: SpecularOptions) -> int:
     stored = photo.values.astype(np.float32)
     usable = photo.valid & (find_field(stored).mask if options.mask is None else files.read_mask(options.mask))
     linear = np.asarray(response.decode(jnp.asarray(stored)))
+    clipped = saturated(stored, options.saturation) & usable
     found = remove_highlights(
         linear,
         usable,
-        saturated=saturated(stored, options.saturation) & usable,
+        saturated=clipped,
         method=options.method,
         interface=_colour(options.interface),
     )
@@ -76,6 +79,9 @@ def _separated(options: SpecularOptions) -> int:
     before, body, interface = picture(linear), picture(found.values), picture(linear - found.values)
     changed = np.repeat(np.where(found.highlights, 255, 0).astype(np.uint8)[..., None], 3, axis=-1)
     record = {"image": str(options.image), "response": curve, **found.report.as_dict()}
+    if linear.ndim == 3:
+        compliance = dichromatic_compliance(linear, usable & ~clipped)
+        record |= {"planar_regions": None if np.isnan(compliance.share) else compliance.share}
     with files.output_folder(options.out, force=options.force) as folder:
         files.write_png(folder / "body.png", body)
         files.write_png(folder / "interface.png", interface)
@@ -116,4 +122,10 @@ def _summary(out: Path, record: dict, usable: int) -> str:
         lines.append(f"interface colour: {colour} ({record['interface_origin']})")
     if record["message"]:
         lines.append(record["message"])
+    planar = record.get("planar_regions")
+    if planar is not None and planar < _COMPLIANT:
+        lines.append(
+            f"warning: the colours of only {planar:.0%} of the regions are planar, so the dichromatic model (eq. 7) "
+            "does not hold everywhere; auto, which goes by the colours around each highlight, depends on it least"
+        )
     return "\n".join(lines)

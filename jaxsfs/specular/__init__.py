@@ -6,6 +6,7 @@ from jaxsfs.specular._colour import (
     interface_colour as interface_colour,
     noise_covariance as noise_covariance,
 )
+from jaxsfs.specular._compliance import Compliance as Compliance, dichromatic_compliance as dichromatic_compliance
 from jaxsfs.specular._detection import saturated as saturated
 from jaxsfs.specular._dichromatic import (
     LUMINANCE as LUMINANCE,
