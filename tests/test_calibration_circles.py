@@ -93,6 +93,7 @@ def test_an_equisolid_lens_is_named():
     assert "not r = f sin α" in found.verdict
 
 
+@pytest.mark.slow
 def test_three_tilted_photographs_recover_k():
     lens = Spherical(320.0, 327.0, 236.0, 640, 480, 1.0, 0.035)
     poses = [tilted(18.0, 0.0, 22.0, (2.0, 0.0)), tilted(18.0, 120.0, 20.0), tilted(15.0, 240.0, 24.0, (0.0, -3.0))]

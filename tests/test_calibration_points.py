@@ -96,6 +96,7 @@ def test_endomapper_dots(data):
     assert found.verdict.startswith("The lens obeys r = f sin α") or "describes the lens" in found.verdict
 
 
+@pytest.mark.slow
 def test_endocal_published_points(data):
     table = np.loadtxt(data / "endocal_sample_001" / "sample_001_points_from_xml.csv", delimiter=",")
     views = [table[table[:, 0] == view] for view in np.unique(table[:, 0])]
@@ -112,6 +113,7 @@ def test_endocal_frames_are_detected(data):
     assert abs(found.camera.f - 661.0) < 3 * found.f_sd + 10
 
 
+@pytest.mark.slow
 def test_mirocam_boards_are_detected_and_the_fit_is_sane(data):
     frames = sorted((data / "endoslam_calib" / "mirocam").glob("*.jpg"))
     found = calibrate_checkerboard([colour(frame) for frame in frames], 7, 6, 2.0)

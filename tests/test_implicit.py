@@ -173,6 +173,7 @@ def test_gradients_by_known_range_and_scale():
     assert abs(float(gradient[0])) > 0.01
 
 
+@pytest.mark.slow
 def test_gradients_of_a_distant_light():
     camera = Orthographic(scale=10.0, cx=20.0, cy=16.0, width=WIDTH, height=HEIGHT)
     x, y = np.moveaxis((np.asarray(camera.pixels()) - [20, 16]) / 10, -1, 0)

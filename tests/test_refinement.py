@@ -70,6 +70,7 @@ def test_noise_is_not_amplified():
     assert error(done.result, truth, valid) < 0.002
 
 
+@pytest.mark.slow
 def test_minnaert_surfaces_are_refined_too():
     image, camera, truth, valid = picture(Plane(20.0), ONE, reflectance=Power(0.65))
     start = reconstruct(image, camera, reflectance=Power(0.65))
