@@ -26,7 +26,7 @@ def project(pose, points):
     return np.array(jax.vmap(lambda point: CAMERA.project(pose.to_camera(point)))(jnp.asarray(points)))
 
 
-@pytest.mark.parametrize("asymmetric", [False, True])
+@pytest.mark.parametrize("asymmetric", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_dots_recover_the_camera(asymmetric):
     pattern = DotGrid(7, 11, 3.0, 0.7, True) if asymmetric else DotGrid(9, 8, 4.0, 0.7)
     images = [photograph(CAMERA, pattern, pose, Studio(), i) for i, pose in enumerate(POSES)]
@@ -77,6 +77,7 @@ def test_wrong_counts_and_missing_targets_are_refused():
         calibrate_dots([blank], 9, 8, -2.0)
 
 
+@pytest.mark.slow
 def test_points_that_no_flat_sheet_explains_are_refused():
     rng = np.random.default_rng(0)
     grid = np.stack(np.meshgrid(np.arange(6.0), np.arange(5.0)), axis=-1).reshape(-1, 2)
@@ -142,6 +143,7 @@ def test_endocal_rays_agree_with_the_published_calibration(data):
     assert angle.max() < 0.15
 
 
+@pytest.mark.slow
 def test_a_photograph_whose_points_do_not_fit_is_left_out():
     grid = np.stack(np.meshgrid(np.arange(-4.0, 5.0), np.arange(-3.0, 4.0)), axis=-1).reshape(-1, 2) * 3
     pixels = [project(pose, grid) for pose in (*POSES, tilted(5.0, 10.0, 20.0))]

@@ -336,6 +336,7 @@ def test_double_precision(view, result, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_distant_light_with_heights(tmp_path):
     assert main(["render", "vase", "--width", "64", "--height", "64", "--out", str(tmp_path / "vase")]) == 0
     z = tifffile.imread(tmp_path / "vase/range.tiff")

@@ -44,6 +44,7 @@ def calibrated(folder):
     return folder
 
 
+@pytest.mark.slow
 def test_circles_write_a_camera_that_reconstruct_accepts(calibrated):
     file = files.read_camera(calibrated / "c.json")
     assert isinstance(file.camera, Spherical)

@@ -107,6 +107,7 @@ def test_both_modes_agree_with_central_differences(name):
     assert float(gradient[3]) == pytest.approx(0.5 / 1.3, rel=1e-9)  # r grows with √ρ
 
 
+@pytest.mark.slow
 def test_pixels_without_data_have_no_derivative_and_batches_agree():
     camera = Spherical(27.0, 20.3, 15.8, WIDTH, HEIGHT)
     values, mask = view("ball", camera)

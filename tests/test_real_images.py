@@ -57,7 +57,9 @@ def test_depth_of_sinus_follows_structure_from_motion(
     assert reached["abs_rel"] <= abs_rel
 
 
-@pytest.mark.parametrize(("frame", "raw", "preset"), [("0000", 0.24, 0.125), ("0004", 0.22, 0.11)])
+@pytest.mark.parametrize(
+    ("frame", "raw", "preset"), [pytest.param("0000", 0.24, 0.125, marks=pytest.mark.slow), ("0004", 0.22, 0.11)]
+)
 @pytest.mark.parametrize("camera", ["A", pytest.param("B", marks=pytest.mark.slow)])
 def test_depth_of_rendered_colon(real_data, data, frame, raw, preset, camera):
     """Both readings of the camera: within 0.13 by the preset photometry, and better than without it."""
