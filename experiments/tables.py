@@ -64,7 +64,9 @@ def heat_map(values: dict[str, dict[str, float]], title: str, label: str, path: 
     plt = pyplot()
     columns = list(dict.fromkeys(key for row in values.values() for key in row))
     table = np.array([[row.get(key, np.nan) for key in columns] for row in values.values()], float)
-    figure, axes = plt.subplots(figsize=(2.5 + 0.85 * len(columns), 1.6 + 0.34 * len(values)), layout="constrained")
+    names = 0.09 * max(map(len, values))  # inches
+    size = (1.8 + names + 0.75 * len(columns), 1.8 + 0.34 * len(values))
+    figure, axes = plt.subplots(figsize=size, layout="constrained")
     image = axes.imshow(np.log10(np.maximum(table, 1e-6)), cmap="RdYlGn_r", aspect="auto")
     for (row, column), value in np.ndenumerate(table):
         if np.isfinite(value):
