@@ -1,10 +1,10 @@
 """The part of a picture that is computed: what is valid of it, in one of few sizes."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Shaped
 
 from jaxsfs.camera import AbstractCentralCamera
@@ -29,7 +29,7 @@ class Window(NamedTuple):
         beyond = ((0, self.height - part.shape[0]), (0, self.width - part.shape[1]))
         return jnp.asarray(xp.pad(part, beyond, constant_values=fill))
 
-    def paste(self, part, shape: tuple[int, int], fill: Scalar | bool):
+    def paste(self, part, shape: tuple[int, ...], fill: Scalar | bool) -> Any:
         """A picture of `shape` that is `part` in the window and `fill` elsewhere; the inverse of `cut`."""
         rows, columns = min(self.height, shape[0] - self.top), min(self.width, shape[1] - self.left)
         xp = _module(part)
@@ -64,4 +64,4 @@ def bucketed(size: int) -> int:
 
 def _module(image):
     """jax.numpy where derivatives pass, else NumPy, which compiles nothing."""
-    return jnp if isinstance(image, jax.core.Tracer) else np
+    return jnp if isinstance(image, Tracer) else np
