@@ -6,13 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 from baselines import curve_expansion, prados_faugeras
 from near_scenes import OCCLUDED, OPEN, NearImage, errors, near_image, rectified
+from stored import irradiance_of_stored
 
 from data_synth import take_photo
 from jaxsfs import Irradiance, SRGBResponse, reconstruct
-from jaxsfs.noise import noise_level, smoothing_for
-from jaxsfs.photo import parse_channel
-from jaxsfs.photometry import NoFalloff
-from jaxsfs.preparation import prepare
 
 Method = Callable[[NearImage], np.ndarray]
 SRGB = SRGBResponse()
@@ -139,9 +136,6 @@ def _photographed(name: str, way: str, method: str, image: NearImage, found: np.
 
 def _prepared(image: NearImage, stored: np.ndarray) -> np.ndarray:
     """As the command line does it."""
-    irradiance = prepare(
-        stored, image.camera, response=SRGB, falloff=NoFalloff(), weights=parse_channel("luminance"),
-        valid=image.mask, specular="auto", clip_limit=CLIPPED, smooth_px=smoothing_for(noise_level(stored, image.mask)),
-    ).irradiance  # fmt: skip
+    irradiance = irradiance_of_stored(stored, image.camera, image.mask)
     seen = image._replace(values=np.asarray(irradiance.values), mask=np.asarray(irradiance.valid))
     return ours()(seen)

@@ -21,15 +21,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from near_scenes import NearImage, errors, near_image
+from stored import irradiance_of_stored
 from tables import main, pyplot, save, write_tables
 from tqdm import tqdm
 
 from data_synth import Ball, Plane, PolypWall, WavyWall, default_camera, take_photo, vessel_colours, wet_glints
 from jaxsfs import CosineFalloff, Irradiance, Light, Lights, Spherical, SRGBResponse, reconstruct, shade_lights
-from jaxsfs.noise import noise_level, smoothing_for
-from jaxsfs.photo import parse_channel
-from jaxsfs.photometry import NoFalloff
-from jaxsfs.preparation import prepare
 from jaxsfs.specular import Method
 
 SCENES = {
@@ -53,11 +50,7 @@ def photographed(
     image: NearImage, stored: np.ndarray, specular: Method = "auto", channel: str = "luminance", blood: float = 0.0
 ) -> np.ndarray:
     """Range map from stored values (full scale 1), prepared with the defaults of the command line."""
-    smooth = smoothing_for(noise_level(stored, image.mask))
-    made = prepare(
-        stored, image.camera, response=SRGB, falloff=NoFalloff(), weights=parse_channel(channel), valid=image.mask,
-        specular=specular, clip_limit=254 / 255, smooth_px=smooth, blood=blood,
-    ).irradiance  # fmt: skip
+    made = irradiance_of_stored(stored, image.camera, image.mask, specular=specular, channel=channel, blood=blood)
     return solve(image, np.asarray(made.values), np.asarray(made.valid))
 
 

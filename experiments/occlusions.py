@@ -22,16 +22,13 @@ import cv2
 import jax.numpy as jnp
 import numpy as np
 from scipy import ndimage
+from stored import irradiance_of_stored
 from tqdm import tqdm
 
 from data_synth import REPORT_SEEDS, TUNING_SEEDS, default_camera, scene_from_text, take_photo
 from data_synth.viewing import View, observe
-from jaxsfs import Irradiance, Reconstruction, SRGBResponse, evaluate, reconstruct
+from jaxsfs import Irradiance, Reconstruction, evaluate, reconstruct
 from jaxsfs.files import write_png
-from jaxsfs.noise import noise_level, smoothing_for
-from jaxsfs.photo import parse_channel
-from jaxsfs.photometry import NoFalloff
-from jaxsfs.preparation import prepare
 
 SMOOTH = ("plane", "tilted-plane", "ball", "hollow-ball", "wavy-wall", "tube")
 OCCLUDED = ("ball-in-bowl", "polyps", "colon")
@@ -48,16 +45,7 @@ def photographed(view: View) -> Irradiance:
     """The irradiance of an 8-bit photograph with noise, prepared with the defaults of the command line."""
     valid = np.asarray(view.surface.valid)
     stored = take_photo(view, read_noise=0.004, seed=1).stored / 255.0
-    prepared = prepare(
-        stored,
-        view.camera,
-        response=SRGBResponse(),
-        falloff=NoFalloff(),
-        weights=parse_channel("luminance"),
-        valid=valid,
-        smooth_px=smoothing_for(noise_level(stored, valid)),
-    )
-    return prepared.irradiance
+    return irradiance_of_stored(stored, view.camera, valid)
 
 
 def true_contours(view: View) -> np.ndarray:

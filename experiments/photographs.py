@@ -19,15 +19,13 @@ from pathlib import Path
 import cv2
 import jax.numpy as jnp
 import numpy as np
+from stored import irradiance_of_stored
 from tqdm import tqdm
 
 from data_synth import REPORT_SEEDS, default_camera, scene_from_text, take_photo
 from data_synth.viewing import View, observe
-from jaxsfs import Irradiance, SRGBResponse, evaluate, reconstruct
-from jaxsfs.noise import noise_level, smoothing_for
+from jaxsfs import Irradiance, evaluate, reconstruct
 from jaxsfs.photo import irradiance_of, parse_channel
-from jaxsfs.photometry import NoFalloff
-from jaxsfs.preparation import prepare
 
 OPEN = ("plane", "tilted-plane", "ball", "hollow-ball", "wavy-wall", "tube")
 OCCLUDED = ("ball-in-bowl", "polyps", "colon")
@@ -52,19 +50,7 @@ def seen(name: str, size: tuple[int, int]) -> View:
 def from_photograph(view: View, stored: np.ndarray, specular: str) -> float:
     """The error from a stored picture, prepared with the defaults of the command line."""
     valid = np.asarray(view.surface.valid)
-    values = stored / 255.0
-    prepared = prepare(
-        values,
-        view.camera,
-        response=SRGBResponse(),
-        falloff=NoFalloff(),
-        weights=WEIGHTS,
-        valid=valid,
-        specular=specular,
-        clip_limit=LIMIT,
-        smooth_px=smoothing_for(noise_level(values, valid)),
-    )
-    return abs_rel(view, prepared.irradiance)
+    return abs_rel(view, irradiance_of_stored(stored / 255.0, view.camera, valid, specular=specular))
 
 
 def photographs(names: list[str], size: tuple[int, int]) -> list[tuple[str, ...]]:
