@@ -8,22 +8,19 @@ import measure
 import numpy as np
 import paper_scheme
 from scipy.ndimage import map_coordinates
+from stereographic import Stereographic, square_camera, stereographic
 
-from jaxsfs.camera import Spherical
 from jaxsfs.reflectance import Lambertian
 from jaxsfs.shading import light_at_camera
 from jaxsfs.sweeping import sweep
 
-HALF_FIELD_DEG = 50.0
 NORMAL = np.array([0.25, -0.15, 1.0]) / np.linalg.norm([0.25, -0.15, 1.0])  # of a tilted plane at distance 1
 PICARD = 20  # iterations at most
 
 
 def rows(size: int, repetitions: int) -> list[dict]:
     """The one problem at one size."""
-    middle = (size - 1) / 2
-    focal = np.sqrt(2) * middle / np.sin(np.deg2rad(HALF_FIELD_DEG))
-    camera = Spherical(focal, middle, middle, size, size)
+    camera = square_camera(size)
     rays = np.asarray(camera.rays(), float)
     cosine = rays @ NORMAL
     truth = 1 / cosine
@@ -51,40 +48,33 @@ def rows(size: int, repetitions: int) -> list[dict]:
         measure.Program(
             "the paper's scheme in JAX", lambda: jax.block_until_ready(paper()), error, note=f"{4 * size} steps"
         ),
-        missing or measure.Program("scikit-fmm with Picard iteration", _picard(skfmm, rays, focal, irradiance), error),
+        missing
+        or measure.Program(
+            "scikit-fmm with Picard iteration", _picard(skfmm, stereographic(camera, rays), irradiance), error
+        ),
     ]
     return measure.compare("near light, second order", size, programs, repetitions)
 
 
-def _picard(skfmm, rays, focal, irradiance):
+def _picard(skfmm, grid: Stereographic, irradiance):
     """|∇v| = 2 √(1/E² − v²) for v = r²: v on the right-hand side is that of the iteration before."""
-    size = len(irradiance)
-    points = 2 * rays[..., :2] / (1 + rays[..., 2:])
-    reach = np.abs(points).max()
-    spacing = float(2 * reach / (size - 1))
-    axis = np.linspace(-reach, reach, size)
-    x, y = np.meshgrid(axis, axis)
-    square = (x * x + y * y) / 4
-    directions = np.stack([x, y, 1 - square], -1) / (1 + square)[..., None]
-    middle = (size - 1) / 2
-    to_pixels = np.stack([directions[..., 1] * focal + middle, directions[..., 0] * focal + middle])
-    to_grid = np.stack([points[..., 1], points[..., 0]]) / spacing + middle
+    x, y = grid.x, grid.y
 
     def solve():
-        top = 1 / map_coordinates(irradiance, to_pixels, order=1, mode="nearest")
-        top[square * 4 > 2 * reach**2] = top.max()
+        top = 1 / map_coordinates(irradiance, grid.to_pixels, order=1, mode="nearest")
+        top[grid.quarter * 4 > 2 * grid.reach**2] = top.max()
         row, column = np.unravel_index(top.argmin(), top.shape)
         nearest = top[row, column]
-        phi = np.hypot(x - x[row, column], y - y[row, column]) - 1.5 * spacing
+        phi = np.hypot(x - x[row, column], y - y[row, column]) - 1.5 * grid.spacing
         v = top
         for _ in range(PICARD):
             slope = 2 * np.sqrt(np.maximum(top**2 - np.minimum(v, top) ** 2, 1e-8))
-            new = nearest + skfmm.travel_time(phi, (1 + square) / slope, dx=spacing, order=2)
+            new = nearest + skfmm.travel_time(phi, (1 + grid.quarter) / slope, dx=grid.spacing, order=2)
             new = np.minimum(0.5 * (new + v), top)  # damped: undamped it swings
             change = np.abs(new - v).mean() / nearest
             v = new
             if change < 1e-5:
                 break
-        return np.sqrt(map_coordinates(v, to_grid, order=1, mode="nearest"))
+        return np.sqrt(map_coordinates(v, grid.to_grid, order=1, mode="nearest"))
 
     return solve
