@@ -151,8 +151,9 @@ def _directional_sweep(v, owner, balance: Balance, frame: _Frame, forward, direc
 def _row_update(neighbour, g11, g12, g22, balance: Balance, second):
     """The smallest v that the row before offers, from two triangles and three edges.
 
-    What `_from_edge` and `_from_triangle` say one by one, in x = v − v(y) and D = a x − b, so that nothing is divided
-    before the root is: half the time of those. Where v(y) is no data the root is NaN, which is less than nothing.
+    What `implicit._stencil` says edge by edge and triangle by triangle, in x = v − v(y) and D = a x − b, so that
+    nothing is divided before the root is: half the time. Where v(y) is no data the root is NaN, which is less than
+    nothing.
     """
     determinant = g11 * g22 - g12 * g12
     here, m1 = neighbour(0, 0), neighbour(1, 0)
@@ -178,7 +179,8 @@ def _row_update(neighbour, g11, g12, g22, balance: Balance, second):
 
 
 def _difference(here, near, far, second):
-    """(a, b) of the difference a (v − near) − b that `_one_sided` means."""
+    """(a, b) of the difference a (v − near) − b towards a neighbour: a parabola through it and the one beyond, less of
+    it where their values bend."""
     fall, before = here - near, near - far
     ratio = before / fall
     share = jnp.where(second & (fall > 0), 0.5 * jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1), 0)
@@ -192,43 +194,3 @@ def _lower_edge(best, m, a, b, determinant, h, balance: Balance):
     rest = determinant * b * b - h * (balance.constant - m * (balance.square * m + balance.linear))
     v = m + (half + jnp.sqrt(half * half - quad * rest)) / quad
     return jnp.where((v >= m) & (v < best), v, best)
-
-
-def _one_sided(neighbour, shift, second):
-    """(a, m, v(y)) of the difference a (v − m) towards the neighbour y."""
-    here, near, far = neighbour(0, 0), neighbour(1, shift), neighbour(2, 2 * shift)
-    fall, before = here - near, near - far
-    ratio = before / jnp.where(fall > 0, fall, 1)
-    share = jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1)
-    share = jnp.where(second & (far < 0.5 * _HUGE) & (fall > 0), share, 0)
-    a = 1 + 0.5 * share
-    return a, near + 0.5 * share * before / a, near
-
-
-def _from_edge(difference, q, balance):
-    """q a² (v − m)² + b v² = p: the front comes along the edge."""
-    a, m, near = difference
-    m = jnp.where(near < 0.5 * _HUGE, m, 0)
-    x = _larger_root(q * a * a, 0.0, 0.0, m, balance)
-    return jnp.where((near < 0.5 * _HUGE) & (x >= 0), m + x, _HUGE)
-
-
-def _from_triangle(straight, diagonal, h11, h12, h22, balance):
-    """h^{kl} D_k D_l + b v² = p, D_k = a_k (v − m_k); only if the front comes between the two edges."""
-    (a1, m1, near1), (a2, m2, near2) = straight, diagonal
-    known = (near1 < 0.5 * _HUGE) & (near2 < 0.5 * _HUGE)
-    m1, m2 = jnp.where(known, m1, 0), jnp.where(known, m2, 0)
-    c11, c12, c22 = h11 * a1 * a1, h12 * a1 * a2, h22 * a2 * a2
-    gap = m2 - m1
-    x = _larger_root(c11 + 2 * c12 + c22, (c12 + c22) * gap, c22 * gap * gap, m1, balance)
-    d1, d2 = a1 * x, a2 * (x - gap)
-    between = (h11 * d1 + h12 * d2 >= 0) & (h12 * d1 + h22 * d2 >= 0) & (d1 >= 0) & (d2 >= 0)
-    return jnp.where(known & between, m1 + x, _HUGE)
-
-
-def _larger_root(quad, half, rest, m, balance: Balance):
-    """x with quad·x² − 2·half·x + rest + square·(m + x)² + linear·(m + x) = constant; NaN where there is none."""
-    quad = quad + balance.square
-    half = half - balance.square * m - 0.5 * balance.linear
-    rest = rest + balance.square * m * m + balance.linear * m - balance.constant
-    return (half + jnp.sqrt(half * half - quad * rest)) / quad
