@@ -13,7 +13,7 @@ from jaxsfs.camera import AbstractCamera, camera_to_dict
 from jaxsfs.cli._reconstruct_input import Input, initial_form, read
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._reconstruct_report import fronts, report
-from jaxsfs.cli._settings import COMMAND_LINE, DEFAULT, Setting
+from jaxsfs.cli._settings import given_or_default
 from jaxsfs.cli._summary import summary
 from jaxsfs.cli._terminal import command_line, progress, say, versions
 from jaxsfs.cli._uncertainty import range_sigma
@@ -153,7 +153,7 @@ def _record(
         else refinement.as_dict() | lights_to_dict(given.lights),
         "options": {name: setting.as_dict() for name, setting in settings_used.items()}
         | {
-            name: _given_or_default(options, name)
+            name: given_or_default(options, name).as_dict()
             for name in (
                 "preset",
                 "specular",
@@ -179,9 +179,3 @@ def _lengths(result: Reconstruction) -> dict[str, float | None]:
     names = ("nearest", "median", "farthest")
     found = np.percentile(values, [0, 50, 100]).tolist() if values.size else [None] * len(names)
     return dict(zip(names, found, strict=True))
-
-
-def _given_or_default(options: ReconstructOptions, name: str) -> dict[str, Any]:
-    value = getattr(options, name)
-    default = next(field.default for field in dataclasses.fields(options) if field.name == name)
-    return Setting(value, DEFAULT if value == default else COMMAND_LINE).as_dict()

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import value
-from jaxsfs.cli._settings import numbers
+from jaxsfs.cli._settings import check_albedo, numbers, smooth_px
 from jaxsfs.cli._terminal import CannotRun
 from jaxsfs.files._formats import Format
 
@@ -93,8 +93,7 @@ class ReconstructOptions:
     def __post_init__(self):
         if self.albedo is not None and self.known_range is not None:
             raise CannotRun("--albedo and --known-range both set the scale; give one of them")
-        if self.albedo is not None and not 0 < self.albedo < float("inf"):
-            raise CannotRun(f"--albedo must be positive and finite, got {self.albedo:g}")
+        check_albedo(self.albedo)
         self.smooth_px()
         if not 0 <= self.blood <= 2:
             raise CannotRun(f"--blood must lie between 0 and 2, got {self.blood:g}")
@@ -113,16 +112,8 @@ class ReconstructOptions:
             raise CannotRun("--concave belongs to --light distant; a light at the camera leaves no such choice")
 
     def smooth_px(self) -> float | None:
-        """The σ given in px, None for auto. Raises CannotRun for anything else."""
-        if self.smooth == "auto":
-            return None
-        try:
-            sigma = float(self.smooth)
-        except ValueError:
-            sigma = -1.0
-        if not 0 <= sigma < float("inf"):
-            raise CannotRun(f"--smooth must be auto or 0 or more pixels, got {self.smooth}")
-        return sigma
+        """The σ given in px, None for auto."""
+        return smooth_px(self.smooth)
 
     def _check_light_options(self) -> None:
         if self.light == "distant" and (self.lights is not None or self.estimate_photometry is not None):

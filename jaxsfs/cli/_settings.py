@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from jaxsfs.cli._terminal import CannotRun
+
 COMMAND_LINE = "command line"
 CAMERA_FILE = "camera file"
 DEFAULT = "default"
@@ -30,6 +32,32 @@ def choose(name: str, sources: Sequence[Source], default: Setting) -> Setting:
         if values.get(name) is not None:
             return Setting(values[name], origin)
     return default
+
+
+def given_or_default(options: Any, name: str, used: Any = None) -> Setting:
+    """The option `name` of a dataclass of options as a setting; `used`: the value that took its place, if one did."""
+    given = getattr(options, name)
+    default = next(field.default for field in dataclasses.fields(options) if field.name == name)
+    return Setting(given if used is None else used, DEFAULT if given == default else COMMAND_LINE)
+
+
+def check_albedo(albedo: float | None) -> None:
+    """Raises CannotRun for an --albedo that is no albedo."""
+    if albedo is not None and not 0 < albedo < float("inf"):
+        raise CannotRun(f"--albedo must be positive and finite, got {albedo:g}")
+
+
+def smooth_px(smooth: str) -> float | None:
+    """The σ that --smooth gives in px, None for auto. Raises CannotRun for anything else."""
+    if smooth == "auto":
+        return None
+    try:
+        sigma = float(smooth)
+    except ValueError:
+        sigma = -1.0
+    if not 0 <= sigma < float("inf"):
+        raise CannotRun(f"--smooth must be auto or 0 or more pixels, got {smooth}")
+    return sigma
 
 
 def numbers(what: str, text: str, form: str) -> list[float]:

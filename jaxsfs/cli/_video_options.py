@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import value
+from jaxsfs.cli._settings import check_albedo, smooth_px
 from jaxsfs.cli._terminal import CannotRun
 
 
@@ -78,8 +79,7 @@ class VideoOptions:
             raise CannotRun(f"--processes must be 0 or more, got {self.processes}")
         if self.processes and self.scheduler:
             raise CannotRun("--processes and --scheduler both say who computes; give one of them")
-        if self.albedo is not None and not 0 < self.albedo < float("inf"):
-            raise CannotRun(f"--albedo must be positive and finite, got {self.albedo:g}")
+        check_albedo(self.albedo)
 
     def chosen(self, count: int) -> range:
         """The frames of a source that has `count`."""
@@ -94,15 +94,7 @@ class VideoOptions:
 
     def smooth_px(self) -> float | None:
         """The σ given in px, None for auto."""
-        if self.smooth == "auto":
-            return None
-        try:
-            sigma = float(self.smooth)
-        except ValueError:
-            sigma = -1.0
-        if not 0 <= sigma < float("inf"):
-            raise CannotRun(f"--smooth must be auto or 0 or more pixels, got {self.smooth}")
-        return sigma
+        return smooth_px(self.smooth)
 
     def thread_count(self) -> int:
         """How many threads solve."""

@@ -15,7 +15,7 @@ from jaxsfs.camera import CameraFile, camera_to_dict
 from jaxsfs.cli._initial import check_mask_size
 from jaxsfs.cli._photometric import Photometric, photometric
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
-from jaxsfs.cli._settings import COMMAND_LINE, DEFAULT, Setting
+from jaxsfs.cli._settings import COMMAND_LINE, Setting, given_or_default
 from jaxsfs.cli._terminal import CannotRun, command_line, progress, quiet, say, versions
 from jaxsfs.cli._video_options import VideoOptions
 from jaxsfs.files._frames import AbstractFrames, open_frames
@@ -101,7 +101,7 @@ def _job(options: VideoOptions, frames: AbstractFrames, chosen: range) -> tuple[
     origins = {name: getattr(settings, name).as_dict() for name in (*texts, "albedo")}
     origins |= {"mask": mask_origin.as_dict(), "smooth_px": Setting(sigma, sigma_origin).as_dict()}
     origins["highlight"] = Setting(job.highlight, f"from {len(some)} frames").as_dict()
-    origins |= {name: _given_or_default(options, name, getattr(job, name)) for name in kept}
+    origins |= {name: given_or_default(options, name, getattr(job, name)).as_dict() for name in kept}
     unit = "median range of the frame" if options.scale == "frame" else settings.unit
     attributes = {
         "title": "surfaces of the frames of a video, from shading",
@@ -141,11 +141,6 @@ def _mask(options: VideoOptions, some: list[np.ndarray], response: str) -> tuple
     mask = files.read_mask(options.mask)
     check_mask_size(options.mask, mask.shape, (some[0].shape[1], some[0].shape[0]))
     return mask, Setting(f"{options.mask.name}, {mask.mean():.0%} of the image", COMMAND_LINE)
-
-
-def _given_or_default(options: VideoOptions, name: str, used: Any) -> dict[str, Any]:
-    default = next(field.default for field in dataclasses.fields(options) if field.name == name)
-    return Setting(used, DEFAULT if getattr(options, name) == default else COMMAND_LINE).as_dict()
 
 
 def _compute(options: VideoOptions, job: Job, store: FrameStore) -> None:
