@@ -1,7 +1,6 @@
-"""Everything that a surface says about space, from one compiled function."""
+"""Everything that a surface says about space, on the host."""
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -21,14 +20,6 @@ class Geometry(eqx.Module):
 
 
 def geometry(surface: Surface) -> Geometry:
-    """The geometry of `surface`, compiled once per camera and image size.
-
-    Operation by operation, a camera whose ray is a root compiles its solver anew at every call: at 640 × 480 that
-    costs more than the reconstruction.
-    """
-    return Geometry(*jax.tree.map(np.asarray, _compiled(surface)))
-
-
-@jax.jit
-def _compiled(surface: Surface):
-    return surface.points(), surface.camera.rays(surface.range.dtype), *surface.normals()
+    """The geometry of `surface`."""
+    parts = surface.points(), surface.camera.rays(surface.range.dtype), *surface.normals()
+    return Geometry(*(np.asarray(part) for part in parts))

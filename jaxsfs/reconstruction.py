@@ -110,8 +110,7 @@ def _found_and_misfit(
     window = _window(irradiance) if near and (initial is None or isinstance(initial, Deadline)) else None
     if window is None:
         return _whole(irradiance, camera, *options)
-    part = Irradiance(window.cut(irradiance.values, 0), window.cut(irradiance.valid, False))
-    found, misfit = _whole(part, window.camera(camera), *options)
+    found, misfit = _whole(_cut(irradiance, window), window.camera(camera), *options)
     shape, surface = irradiance.values.shape, found.surface
     assert surface.contours is not None
     pasted = Surface(
@@ -127,6 +126,10 @@ def _found_and_misfit(
 def _window(irradiance: Irradiance) -> Window | None:
     values = np.asarray(held(irradiance.values))
     return window_of(np.asarray(irradiance.valid) & np.isfinite(values) & (values > 0))
+
+
+def _cut(irradiance: Irradiance, window: Window) -> Irradiance:
+    return Irradiance(window.cut(irradiance.values, 0), window.cut(irradiance.valid, False))
 
 
 def _whole(
@@ -198,7 +201,19 @@ def residual_map(
 
     `reflectance` and `light` as in the reconstruction.
     """
-    return _misfit_map(result.surface, result.irradiance, result.albedo, reflectance, light)
+    surface, irradiance = result.surface, result.irradiance
+    camera, window = surface.camera, _window(irradiance)
+    if window is None or light != "camera" or not isinstance(camera, AbstractCentralCamera):
+        return _misfit_map(surface, irradiance, result.albedo, reflectance, light)
+    # the size at which `reconstruct` computed it too, so that nothing is compiled for the whole picture
+    part = Surface(
+        window.camera(camera),
+        window.cut(surface.range, 1),
+        window.cut(surface.valid, False),
+        None if surface.contours is None else window.cut(surface.contours, False),
+    )
+    misfit = _misfit_map(part, _cut(irradiance, window), result.albedo, reflectance, light)
+    return window.paste(misfit, irradiance.values.shape, np.nan)
 
 
 def _check_size(irradiance: Irradiance, camera: AbstractCamera) -> None:
