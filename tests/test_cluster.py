@@ -38,7 +38,7 @@ def cluster():
 
     with (
         dask.config.set({"distributed.worker.multiprocessing-method": "spawn"}),
-        distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=":0", memory_limit=0) as cluster,
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", memory_limit=0) as cluster,
     ):
         yield cluster
 
@@ -92,6 +92,15 @@ def test_a_worker_is_killed_and_every_frame_is_there_once(folder, tmp_path, clus
 def test_processes_of_its_own(folder, tmp_path, capsys):
     assert main(words(folder, tmp_path / "r.zarr", "--processes", "1", "--frames", "0:6", "--quiet")) == 0
     assert (FrameStore(tmp_path / "r.zarr").statuses() == 0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_as_many_workers_as_asked_for_of_one_thread_each():
+    from jaxsfs.video._cluster import _client
+
+    with _client(None, 1) as client:
+        assert list(client.nthreads().values()) == [1]
 
 
 def test_no_scheduler_there(folder, tmp_path, capsys, monkeypatch):

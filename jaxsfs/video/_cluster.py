@@ -66,7 +66,7 @@ def _client(scheduler: str | None, processes: int) -> Iterator[Any]:
     with dask.config.set(pinned):
         with _interrupts_ignored():
             options: dict[str, Any] = {"dashboard_address": ":0", "memory_limit": 0, "silence_logs": logging.ERROR}
-            cluster = LocalCluster(processes, threads_per_worker=1, **options)
+            cluster = LocalCluster(n_workers=processes, threads_per_worker=1, **options)
         with cluster, Client(cluster) as client:
             yield client
 
