@@ -20,6 +20,7 @@ from jaxsfs.photometry import AbstractFalloff, AbstractResponse, LinearResponse
 from jaxsfs.specular import HighlightRemoval, Method, SpecularReport, remove_highlights, restore_clipped, untouched
 
 _MOST_FILLED = 0.6  # of the usable pixels; beyond, a fill would be most of the picture
+_ENOUGH = 400_000  # pixels to find highlights in: of 1280 × 960 px, half the size leaves no larger errors
 
 
 class Preparation(eqx.Module):
@@ -54,7 +55,7 @@ def prepare(
     clip_limit: Scalar | None = 254 / 255,
     smooth_px: Scalar = 0.0,
     blood: Scalar = 0.0,
-    shrink: int = 1,
+    shrink: int | None = None,
     interface: Float[np.ndarray, "3"] | None = None,
 ) -> Preparation:
     """Irradiance of a photograph of stored values (full scale 1) with highlights and clipping dealt with.
@@ -65,8 +66,9 @@ def prepare(
     its optical densities ε in the weighted channels and ε' in green and blue s = ε/(ε' − ε), about 0.15 for red (Beer
     and Lambert). It assumes that nothing but blood colours the tissue, and needs a colour photograph.
 
-    `shrink`: highlights and clipping are dealt with on a picture of 1/shrink of the size. `interface`: the highlights'
-    colour k_s in linear light, estimated from the picture if not given.
+    `shrink`: highlights and clipping are dealt with on a picture of 1/shrink of the size; if not given, of some 400 000
+    pixels, and never more than the photograph has. `interface`: the highlights' colour k_s in linear light, estimated
+    from the picture if not given.
 
     Raises ValueError as `irradiance_of` and `remove_highlights` do.
     """
@@ -79,6 +81,7 @@ def prepare(
     limit = 1.0 if clip_limit is None else float(response.decode(jnp.asarray(clip_limit, jnp.float32)))
     method = specular if readable else "off"  # what is wrong with an unreadable picture is said below
     stored = _Stored(linear, usable, clipped, counted)
+    shrink = max(1, round((usable.size / _ENOUGH) ** 0.5)) if shrink is None else shrink
     if shrink == 1 or not readable:
         body = _body(stored, weights, limit, method, interface)
     else:
@@ -164,7 +167,11 @@ def _enlarged(small: _Body, stored: _Stored, weights: Weights) -> _Body:
     values = np.where(changed, smooth(small.values), grey)
     linear = np.where(changed if linear.ndim == 2 else changed[..., None], smooth(small.linear), linear)
     unknown = (large(small.unknown) & changed) | (stored.counted & stored.usable & ~changed)
-    return _Body(values, linear, unknown, highlights, measured, filled, small.report)
+    area = unknown.size / small.unknown.size
+    counts = int(highlights.sum()), int((stored.counted & stored.usable).sum())
+    guessed = (round(area * small.report.filled), round(area * small.report.unknown))
+    report = eqx.tree_at(lambda r: (r.highlights, r.saturated, r.filled, r.unknown), small.report, counts + guessed)
+    return _Body(values, linear, unknown, highlights, measured, filled, report)
 
 
 def _restored(removal: HighlightRemoval, clipped, usable, weights: Weights, limit: float):

@@ -182,7 +182,7 @@ def _words(parts: Split | None, hole: Mask, unknown: Mask, grey: bool) -> str:
     if not hole.any():
         words.append("no highlight was found: nothing is changed")
     if unknown.any():
-        words.append(f"{int(unknown.sum())} saturated pixels have no data near by and stay unknown")
+        words.append("saturated pixels without data near by stay unknown")
     return "; ".join(words)
 
 
