@@ -149,6 +149,14 @@ def test_grey_picture_is_searched_by_brightness_and_says_so():
         remove_highlights(grey[..., None] * np.ones(3), method="dichromatic")
 
 
+def test_a_white_sheet_with_dark_dots_has_no_highlights():
+    """What lies between the dots is brighter than they are, and as bright as the sheet beyond."""
+    v, u = np.indices((96, 128))
+    ink = (((v % 8 - 4) ** 2 + (u % 8 - 4) ** 2) < 6) & (abs(v - 48) < 30) & (abs(u - 64) < 40)
+    sheet = noisy(np.where(ink, 0.1, 0.6) * np.exp(-((v - 48) ** 2 + (u - 64) ** 2) / 6000))
+    assert not remove_highlights(sheet).highlights.any()
+
+
 def test_off_and_dichromatic():
     linear = shading()[..., None] * TISSUE + spot()[..., None] * WHITE
     np.testing.assert_array_equal(remove_highlights(linear, method="off").values, linear)

@@ -17,6 +17,7 @@ _NOISE_LEFT = 0.188  # of white noise after that blur: 1/(2σ√π)
 _ADDED = 0.7  # least regression of brightness on excess in a highlight; 1 for added light, 0 for paler tissue
 _EDGE_RISE, _OF_PEAK = 0.05, 0.1
 _STEEP_RIM = 0.7  # share of a spot's rim that falls steeply; a fold falls on one side
+_RING = 6  # px round a spot, which it must outshine
 _PLAIN = 1.0  # interface over body from which no tissue colour explains a region
 
 
@@ -97,7 +98,24 @@ def highlights_by_brightness(luminance: Grey, usable: Mask, size: Scalar, contra
     )
     keep = (np.bincount(labels[sure], minlength=count) > 0) & (steep_rim > _STEEP_RIM)
     keep[0] = False
-    return keep[labels]
+    return _standing_out(keep[labels], log, usable, size, contrast)
+
+
+def _standing_out(spots: Mask, log: Grey, usable: Mask, size: Scalar, contrast: Scalar) -> Mask:
+    """The spots that outshine what is round about, and not only what is between them: the white between dark dots is
+    as bright as the sheet beyond."""
+    if not spots.any():
+        return spots
+    whole = opened_by_disc((~spots).astype(np.float32), size) < 0.5  # closed by the disc
+    whole |= spots
+    count, labels = regions(whole)
+    deep = cv2.distanceTransform(whole.astype(np.uint8), cv2.DIST_L2, 3)
+    near = spots & (deep <= 0.25 * float(size))  # the light itself may fall off across a wide region
+    wide = cv2.dilate(labels.astype(np.float32), np.ones((2 * _RING + 1,) * 2, np.uint8)).astype(np.int64)
+    ring = usable & ~whole & (wide > 0)
+    inside = np.bincount(labels[near], log[near], count) / np.maximum(np.bincount(labels[near], minlength=count), 1)
+    around = np.bincount(wide[ring], log[ring], count) / np.maximum(np.bincount(wide[ring], minlength=count), 1)
+    return spots & (inside - around > 0.5 * np.log(contrast))[labels]
 
 
 def grown(mask: Mask, radius: int) -> Mask:
