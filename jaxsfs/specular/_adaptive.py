@@ -21,8 +21,10 @@ Mask = Bool[np.ndarray, "height width"]
 _TAIL = 2  # px by which a detected highlight is extended
 _BLURRED_TAIL = 4  # px, on real tissue: optics and compression blur a highlight's rim
 _COLOUR_ERROR = 0.12  # share of the interface part that an interface colour, not exact, leaves in the body
+_EXACT_ERROR = 0.03  # the same where one body colour explains the whole picture
 _BLOOM = 0.1  # relative error of the body beside an unmeasured pixel, falling by e per px
 _ROUGHNESS = 0.004  # |Δ ln E| per px² of smooth tissue
+_WIDE_ROUGHNESS = 0.02  # of all that a veil covers, contours and all
 _MISFIT = 1.5  # mean squared residual in σ from which a picture's own edges are followed
 _DETAIL = 3.0  # px, σ of the blur that detail differs from
 _SUSPICION = 1.5  # times the variance that detail must exceed
@@ -54,7 +56,7 @@ def remove_by_colour(
     hole = (grown(parts.highlights, tail) | grown(cores, tail)) & usable
     if not hole.any():
         return Removed(linear, hole, hole)
-    fit = fit_for(hole, usable, _ROUGHNESS)
+    fit = fit_for(hole, usable, _WIDE_ROUGHNESS if parts.single else _ROUGHNESS)
     if parts.uneven and not fill:
         body = _with_own_colours(fit, parts, body, hole, data, sample)
     measured, weight = _measured(parts, body, hole, data)
@@ -110,11 +112,15 @@ def _with_own_colours(fit: Fit, parts: Split, body: Grey, hole: Mask, data: Mask
     return np.maximum(body + shares[labels] * np.maximum(parts.excess, 0), 1e-5).astype(np.float32)
 
 
+def _colour_error(parts: Split) -> float:
+    return _EXACT_ERROR if parts.single else _COLOUR_ERROR
+
+
 def _measured(parts: Split, body: Grey, hole: Mask, data: Mask) -> tuple[Grey, Grey]:
     """ln E as measured, by colour in the hole and as luminance elsewhere, and the weights 1/variance."""
     luminance = np.maximum(parts.luminance, 1e-5)
     outside = noise_by_level(parts.luminance, luminance, data) / luminance
-    interface = _COLOUR_ERROR * np.maximum(parts.excess, 0)
+    interface = _colour_error(parts) * np.maximum(parts.excess, 0)
     inside = np.hypot(noise_by_level(parts.body, luminance, data), interface) / body
     known = data & (~hole | (parts.body > _DARKEST_BODY * luminance))
     apart = cv2.distanceTransform((known | ~hole).astype(np.uint8), cv2.DIST_L2, 5)
@@ -144,7 +150,7 @@ def _with_detail(fitted: Grey, measured: Grey, parts: Split, body: Grey, data: M
     level = np.maximum(body, 1e-5)
     noise = noise_by_level(parts.body, np.maximum(parts.luminance, 1e-5), data) / level
     detail = _detail(measured - fitted, known)
-    rim = _COLOUR_ERROR * np.abs(_detail(np.where(known, parts.excess / level, 0).astype(np.float64), known))
+    rim = _colour_error(parts) * np.abs(_detail(np.where(known, parts.excess / level, 0).astype(np.float64), known))
     error = np.where(known, noise.astype(np.float64) ** 2 + rim**2, 0).astype(np.float32)
     energy = blur_among((detail**2).astype(np.float32), known, _DETAIL)
     gain = 1 - _SUSPICION * blur_among(error, known, _DETAIL) / np.maximum(energy, 1e-12)

@@ -44,12 +44,15 @@ def highlights_by_colour(
     noise: Grey,
     usable: Mask,
     thresholds: Thresholds = Thresholds(),  # noqa: B008
+    *,
+    paler_tissue: bool = True,
 ) -> Mask:
     """Regions whose colour leaves the local body colour towards the interface colour, and which are brighter for it.
 
     `excess`: the interface luminance that the local body colour leaves over; `noise`: its standard deviation. A region
     has a pixel above the sure threshold and extends to the edge threshold. Paler tissue has excess too, but no bump of
-    brightness of the same shape: a region counts if brightness rises with excess, slope Σ∇L·∇S/Σ|∇S|² near 1.
+    brightness of the same shape: a region counts if brightness rises with excess, slope Σ∇L·∇S/Σ|∇S|² near 1; unless
+    it is known that there is no `paler_tissue`.
     """
     smooth = blur_among(excess, usable, _SMOOTHING)
     level = blur_among(luminance, usable, _SMOOTHING)
@@ -61,7 +64,8 @@ def highlights_by_colour(
     keep[0] = False
     if not keep.any():
         return np.zeros_like(usable)
-    keep &= _is_added_light(level, smooth, labels, count, usable)
+    if paler_tissue:
+        keep &= _is_added_light(level, smooth, labels, count, usable)
     return keep[labels]
 
 

@@ -10,6 +10,7 @@ from jaxsfs.specular._colour import body_colour, interface_colour, noise_covaria
 from jaxsfs.specular._detection import Thresholds, grown, highlights_by_colour, spots_by_colour
 from jaxsfs.specular._dichromatic import LUMINANCE, WHITE, Vector, body_strength, interface_free_vector, saturation
 from jaxsfs.specular._local import blur_among, local_ratio, noise_by_level
+from jaxsfs.specular._one_colour import one_body_colour
 
 Colours = Float[np.ndarray, "height width 3"]
 Grey = Float[np.ndarray, "height width"]
@@ -25,13 +26,14 @@ _FAR = 6  # times the neighbourhood in the first round
 _MARGIN = 3  # px round highlights that are no sample of the body
 _STRONG = 0.3  # interface over body in the pixels that show the interface colour
 _EVEN = 0.03  # spread of excess over luminance up to which tissue counts as even in colour
+_SURE_OF_COLOUR = Thresholds(8.0, 0.03, 2.0, 0.005)  # where one body colour explains the picture
 _SPOT = 0.12  # size of spots that stand out from uneven tissue, share of the short side
 
 
 class Split(NamedTuple):
     """luminance = body + excess at every pixel, with body colour k_d, interface colour k_s, and the highlights.
 
-    `uneven`: the tissue's own colours vary so much that only spots were looked for.
+    `uneven`: the tissue's own colours vary so much that only spots were looked for; `single`: they do not vary at all.
     """
 
     body_colour: Vector
@@ -42,15 +44,18 @@ class Split(NamedTuple):
     excess: Grey
     highlights: Mask
     uneven: bool = False  # in colour
+    single: bool = False
 
 
 def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -> Split | None:
     """The picture split by a ⟂ k_s, or None where the body is as grey as the interface.
 
     c_B from a ⟂ k_s of the dominant body colour is scaled by the local ratio of luminance to c_B outside highlights,
-    which is what a slowly varying body colour changes; what is left of the luminance is the excess. Highlights leave
-    the sample and it is done again. An interface colour that is not given starts white and is estimated where the
-    excess is strong. `data`: pixels that are usable and not saturated; `sample`: those to estimate colours from.
+    which is what a slowly varying body colour changes; what is left of the luminance is the excess. Where one body
+    colour explains the whole picture, it is the scale everywhere, and a veil over all of the picture is found too.
+    Else highlights leave the sample and it is done again. An interface colour that is not given starts white and is
+    estimated where the excess is strong. `data`: pixels that are usable and not saturated; `sample`: those to estimate
+    colours from.
     """
     if data.size > _LARGE:
         return _split_large(linear, data, interface, sample)
@@ -59,8 +64,11 @@ def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -
     covariance = noise_covariance(linear, data)
     if saturation(k_d, k_s) < GREYEST:
         return None
-    found = _split_with(linear, data, k_d, k_s, covariance, sample)
     origin = "given" if interface is not None else "white, by default"
+    single = one_body_colour(linear, data & sample, k_s)
+    if single is not None:
+        return _split_by(linear, data, single, k_s, covariance)._replace(interface_origin=origin)
+    found = _split_with(linear, data, k_d, k_s, covariance, sample)
     for _ in range(2 if interface is None else 0):
         strong = data & sample & grown(found.highlights & (found.excess > _STRONG * np.maximum(found.body, 1e-6)), 1)
         estimate = interface_colour(linear, found.excess, strong & ~grown(~data, 2))
@@ -68,7 +76,20 @@ def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -
             break
         found = _split_with(linear, data, k_d, estimate, covariance, sample, found.highlights, _ROUNDS // 2)
         origin = ESTIMATED
+    if origin == ESTIMATED:
+        single = one_body_colour(linear, data & sample, found.interface_colour)
+        found = found if single is None else _split_by(linear, data, single, found.interface_colour, covariance)
     return found._replace(interface_origin=origin)
+
+
+def _split_by(linear: Colours, data: Mask, k_d: Vector, k_s: Vector, covariance) -> Split:
+    """With one body colour for the whole picture, so that a veil over all of it is one."""
+    luminance = linear @ LUMINANCE.astype(linear.dtype)
+    body = body_strength(linear, interface_free_vector(k_d, k_s, covariance), k_d)
+    excess = luminance - body
+    noise = noise_by_level(excess, luminance, data)
+    highlights = highlights_by_colour(luminance, excess, noise, data, _SURE_OF_COLOUR, paler_tissue=False)
+    return Split(k_d, k_s, "", luminance, body, excess, highlights, single=True)
 
 
 def _split_large(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -> Split | None:
@@ -83,7 +104,10 @@ def _split_large(linear: Colours, data: Mask, interface: Vector | None, sample: 
         return None
     start = cv2.resize(found.highlights.astype(np.uint8), data.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
     covariance = noise_covariance(linear, data)
-    full = _split_with(linear, data, found.body_colour, found.interface_colour, covariance, sample, start, 1)
+    if found.single:
+        full = _split_by(linear, data, found.body_colour, found.interface_colour, covariance)
+    else:
+        full = _split_with(linear, data, found.body_colour, found.interface_colour, covariance, sample, start, 1)
     return full._replace(interface_origin=found.interface_origin)
 
 
