@@ -2,7 +2,9 @@
 
     python experiments/calibration_figures.py --draws 200 --out out/calibration
 
-Writes a Markdown table to the terminal and figures.md, every draw to draws.csv. A row's figures are the median and the
+Writes a Markdown table to the terminal and figures.md, every draw to draws.csv and, as soon as it is made, to
+draws.jsonl, from which a later run goes on: draws of an unchanged source are not made again (--no-new makes the table
+of those that are there). Every row has its own random numbers. A row's figures are the median and the
 95th percentile of the absolute error; coverage is the share of draws whose truth lies within 1 and 1.96 quoted σ.
 A draw fails if there is no result, or f is more than 1 % off without a warning.
 """
@@ -11,6 +13,7 @@ import argparse
 import csv
 import sys
 import time
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +21,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from calibration_draws import ROWS, Draw
+from calibration_store import Store
 from tqdm import tqdm
 
 WRONG = 0.01
@@ -81,7 +85,7 @@ def one_draw(row: str, seed: int) -> Draw:
     began = time.perf_counter()
     draw: Draw = {"row": row, "seed": seed, "failed": ""}
     try:
-        draw |= ROWS[row](np.random.default_rng(seed))
+        draw |= ROWS[row](np.random.default_rng([seed, zlib.crc32(row.encode())]))
     except ValueError as error:
         draw["failed"] = str(error)
     if "cx_error" in draw:
@@ -98,7 +102,7 @@ def is_failure(draw: Draw) -> bool:
 
 def summary(row: str, draws: list[Draw]) -> list[dict[str, str]]:
     """The lines of the table for one row."""
-    title, figures = FIGURES[row]
+    title, figures = FIGURES[row][0] + f" ({len(draws)} draws)", FIGURES[row][1]
     lines = [_figure_line(title, figure, draws) for figure in figures]
     lines += [
         _coverage_line(title, name, error, sd, draws)
@@ -157,14 +161,24 @@ def write_csv(path: Path, draws: list[dict[str, Any]]) -> None:
         writer.writerows(draws)
 
 
-def run(rows: list[str], seeds: range, budget: float, report: Callable[[str], None]) -> list[Draw]:
-    """Draws in turn over the rows, so that a budget (seconds) that ends early leaves all rows equally filled."""
+def run(
+    rows: list[str], seeds: range, budget: float, report: Callable[[str], None], store: Store | None = None
+) -> list[Draw]:
+    """Draws in turn over the rows, so that a budget (seconds) that ends early leaves all rows equally filled; those in
+    the `store` are taken from there."""
     draws, began = [], time.perf_counter()
     for seed in tqdm(seeds, desc="draws", file=sys.stderr):
+        known = {row: draw for row in rows if store and (draw := store.get(row, seed))}
+        draws += known.values()
         if seed > seeds[0] and time.perf_counter() - began > budget:
-            report(f"stopped after {seed - seeds[0]} draws a row: {budget:.0f} s are spent")
-            break
-        draws += [one_draw(row, seed) for row in rows]
+            report(f"no new draws after {seed - seeds[0]} a row: {max(budget, 0):.0f} s are spent")
+            budget = -1.0
+        if budget < 0:
+            continue
+        for row in (row for row in rows if row not in known):
+            draws.append(one_draw(row, seed))
+            if store:
+                store.add(draws[-1])
     return draws
 
 
@@ -174,14 +188,19 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--rows", nargs="+", choices=list(ROWS), default=list(ROWS))
     parser.add_argument("--budget", type=float, default=float("inf"), help="seconds after which no draw begins")
+    parser.add_argument("--no-new", action="store_true", help="the table of the draws that are there")
     parser.add_argument("--quick", action="store_true", help="two draws a row: does it run?")
     parser.add_argument("--out", type=Path, default=Path("out/calibration"))
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     count = 2 if arguments.quick else arguments.draws
     seeds = range(arguments.first_seed, arguments.first_seed + count)
-    draws = run(arguments.rows, seeds, arguments.budget, lambda text: print(text, file=sys.stderr))
-    lines = [line for row in arguments.rows for line in summary(row, [draw for draw in draws if draw["row"] == row])]
+    budget, store = -1.0 if arguments.no_new else arguments.budget, Store(arguments.out / "draws.jsonl")
+    draws = run(arguments.rows, seeds, budget, lambda text: print(text, file=sys.stderr), store)
+    by_row = {row: [draw for draw in draws if draw["row"] == row] for row in arguments.rows}
+    lines = [line for row, mine in by_row.items() if mine for line in summary(row, mine)]
+    if not lines:
+        parser.error("there are no draws yet of the present source")
     table = markdown(lines)
     arguments.out.mkdir(parents=True, exist_ok=True)
     write_csv(arguments.out / "draws.csv", draws)

@@ -43,6 +43,41 @@ def test_a_silent_error_fails_and_a_warned_one_does_not(figures):
     assert figures.is_failure(draw(0.0, failed="no rings"))
 
 
+def test_a_table_is_made_in_pieces(figures, tmp_path, monkeypatch):
+    made = []
+
+    def one_draw(row, seed):
+        made.append((row, seed))
+        return draw(1e-4) | {"row": row, "seed": seed}
+
+    monkeypatch.setattr(figures, "one_draw", one_draw)
+    path = tmp_path / "out" / "draws.jsonl"
+    rows = ["circles-known", "grid"]
+    figures.run(rows, range(2), 1e3, print, figures.Store(path))
+    again = figures.run(rows, range(3), 1e3, print, figures.Store(path))
+    assert made == [(row, seed) for seed in range(3) for row in rows]
+    assert len(again) == 6
+    assert len(figures.run(rows, range(9), -1.0, print, figures.Store(path))) == 6
+
+
+def test_draws_of_another_source_are_not_used(figures, tmp_path, monkeypatch):
+    import calibration_store
+
+    store = figures.Store(tmp_path / "draws.jsonl")
+    store.add({"row": "grid", "seed": 3})
+    assert store.get("grid", 3)
+    monkeypatch.setattr(calibration_store, "version_of", lambda module: "another")
+    assert figures.Store(tmp_path / "draws.jsonl").get("grid", 3) is None
+
+
+def test_a_version_depends_on_what_the_row_uses_and_on_nothing_else(figures):
+    import calibration_store as store
+
+    versions = {store.version_of(store.module_for(row)) for row in ("circles-one", "grid", "white-two")}
+    assert len(versions) == 3
+    assert store.module_for("circles-three-k") == store.module_for("equisolid")
+
+
 @pytest.mark.slow
 def test_the_command_draws_and_writes_the_table(figures, tmp_path, monkeypatch, capsys):
     rows = ["--rows", "white-one", "circles-one"]

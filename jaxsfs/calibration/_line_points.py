@@ -5,13 +5,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy import ndimage
 
 from jaxsfs.calibration._blobs import blobs
 from jaxsfs.calibration._cells import Cells, find_cells
 from jaxsfs.calibration._field import Photograph
 from jaxsfs.calibration._lattice import grow_lattice
 from jaxsfs.calibration._line_edges import SAMPLES, depth_of, half_depth
+from jaxsfs.calibration._saddles import saddle_points
 
 LEAST_POINTS = 5  # of a line
 _LEAST_CELLS = 9
@@ -95,29 +95,6 @@ def _near_curve(points: Float[np.ndarray, "count 2"]) -> Bool[np.ndarray, " coun
         weight = 1 / (1 + (gap / (2 * scale)) ** 2)
     scale = max(1.4826 * float(np.median(np.abs(gap))), 0.1)
     return (np.abs(gap) < 4 * scale) & (scale < 0.6)
-
-
-def saddle_points(photo: Photograph) -> Float[np.ndarray, "count 2"]:
-    """Corners where four squares meet: strong minima of the Hessian's determinant, refined by OpenCV."""
-    grey = (photo.grey / max(float(np.percentile(photo.grey, 99.5)), 0.05)).astype(np.float32)
-    sigma = max(1.5, photo.size[0] / 400)
-    smooth = ndimage.gaussian_filter(grey, sigma)
-    fall, run = np.gradient(smooth)
-    (yy, xy), xx = np.gradient(fall), np.gradient(run, axis=1)
-    saddle = np.maximum(xy**2 - xx * yy, 0) * photo.usable
-    score = saddle / (ndimage.gaussian_filter(grey, 6 * sigma) + 0.05) ** 2
-    peak = (score == ndimage.maximum_filter(score, int(4 * sigma) | 1)) & (saddle > 0)
-    if peak.sum() < 12:
-        return np.zeros((0, 2))
-    strong = peak & (score > 0.15 * np.median(np.sort(score[peak])[-40:]))
-    v, u = np.nonzero(strong)
-    corners = np.ascontiguousarray(np.stack([u, v], axis=1), np.float32)
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-3)
-    window = (max(3, int(1.5 * sigma)),) * 2
-    picture = (255 * np.clip(grey, 0, 1)).astype(np.uint8)
-    refined = cv2.cornerSubPix(picture, corners[:, None].copy(), window, (-1, -1), stop)[:, 0]
-    near = np.hypot(*(refined - corners).T) < 3 * sigma
-    return refined[near].astype(float)
 
 
 def _between_cells(photo: Photograph, cells: Cells) -> tuple[np.ndarray, np.ndarray]:

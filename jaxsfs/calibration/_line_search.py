@@ -16,7 +16,7 @@ from jaxsfs.calibration._line_edges import SIDES, Curve, Sides, both_edges
 from jaxsfs.calibration._line_points import LEAST_POINTS, LinePoints
 
 _BEYOND = 4  # lines looked for beyond the outermost found
-_POINTS = 1800  # of a photograph, at most about
+_POINTS = 1800  # of a photograph's lines if all of them were clear
 _LEAST_REACH = 2.6  # px to the sides
 _CLEAR = 0.3  # of the gap between crossing lines: nearer to one, the paper is hidden
 
@@ -38,7 +38,7 @@ def search_lines(photo: Photograph, found: Fit, lines: LinePoints) -> LinePoints
     planes = planes * np.where(planes[:, 2:] < 0, -1.0, 1.0)
     plane = planes.mean(axis=0) if np.min(planes @ planes.T) > 0.98 else None
     wide = [_widened(family) for family in families]
-    step = _step(photo, found, wide)
+    step = _step(photo, found, families)
     names = [(axis, row) for axis in (0, 1) for row in range(len(wide[axis].place))]
     curves = {name: _clear_curve(photo, found, wide, *name, step) for name in names}
     sides = {name: both_edges(photo, *curves[name]) for name in names if len(curves[name][1])}
@@ -144,7 +144,7 @@ def _curve(photo: Photograph, found: Fit, normal, step: float) -> Curve:
 
 
 def _step(photo: Photograph, found: Fit, families: list[Family]) -> float:
-    """px between points so that all lines together have about `_POINTS`."""
+    """px between points so that the lines already found have about `_POINTS`, were they clear all along."""
     total = sum(4.0 * len(_curve(photo, found, n, 4.0).ray) for family in families for n in family.normal)
     return max(3.0, total / _POINTS)
 

@@ -51,7 +51,7 @@ class Observations(eqx.Module):
 
 
 class Problem(eqx.Module):
-    """Everything that one solve reads. `metric`, in px per unit of the misfit, is for rings (see `residuals`).
+    """Everything that one solve reads. `metric`, in px per unit of the misfit, is held (see `residuals`).
     `prior` and `prior_weight` (1/σ, 0 for none) hold parameters softly; those not `free` keep their start."""
 
     observations: Observations

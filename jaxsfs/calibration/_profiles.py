@@ -40,6 +40,8 @@ def angle(
     """α(q), ∂α/∂q and ∂α/∂shape of the model `build`."""
     xp = module_of(q)
     model = _Model(xp, xp.where(xp.arange(6) == build, 1.0, 0.0), xp.asarray(_ENDS)[build])
+    if xp is np:
+        return _axial(xp, shape, q) if build == AXIAL else _by_root(model, shape, q)
     implicit, explicit = _by_root(model, shape, q), _axial(xp, shape, q)
     alpha, slope, by_shape = (xp.where(build == AXIAL, b, a) for a, b in zip(implicit, explicit, strict=True))
     return alpha, slope, by_shape
@@ -51,10 +53,14 @@ def radius(
     """The other way: q(α), ∂q/∂α and ∂q/∂shape, α in [0, π]."""
     xp = module_of(alpha)
     model = _Model(xp, xp.where(xp.arange(6) == build, 1.0, 0.0), xp.asarray(_ENDS)[build])
+    if xp is np and build == AXIAL:
+        return _axial_radius(xp, shape, alpha)
     inside = xp.minimum(alpha, model.end)
     value, slope = _profile(model, shape, inside)
     along = value + _LAST_SLOPE * (alpha - inside), xp.where(alpha > inside, _LAST_SLOPE, slope)
     profile = *along, _profile_by_shape(model, inside)
+    if xp is np:
+        return profile
     return tuple(xp.where(build == AXIAL, b, a) for a, b in zip(profile, _axial_radius(xp, shape, alpha), strict=True))
 
 
@@ -91,20 +97,49 @@ def _root(model: _Model, shape, q):
 
 
 def _profile(model: _Model, shape, alpha):
-    """q(α) and its slope."""
-    xp, w = model.xp, model.weights
-    half, beside = xp.sin(alpha / 2), xp.cos(alpha / 2)
-    sine, cosine = 2 * half * beside, 1 - 2 * half**2
-    beside, across = xp.maximum(beside, 1e-3), xp.where(xp.abs(cosine) < 1e-3, 1e-3, cosine)
+    """q(α) and its slope; on the host, where the model is known, of that alone."""
+    if model.xp is np:
+        return _PROFILES[int(np.argmax(model.weights))](np, shape, alpha)
+    pairs = [profile(model.xp, shape, alpha) for profile in _PROFILES]
+    return tuple(
+        sum(w * part for w, part in zip(model.weights, parts, strict=False)) for parts in zip(*pairs, strict=True)
+    )
+
+
+def _sine(xp: ModuleType, shape, alpha):
+    sine, cosine = _sine_and_cosine(xp, alpha)
+    return sine * (1 + shape[0] * sine**2), cosine * (1 + 3 * shape[0] * sine**2)
+
+
+def _half_sine(xp: ModuleType, shape, alpha):
+    return 2 * xp.sin(alpha / 2), xp.maximum(xp.cos(alpha / 2), 1e-3)
+
+
+def _series(xp: ModuleType, shape, alpha):
     square = alpha**2
     terms = shape[0] + square * (shape[1] + square * (shape[2] + square * shape[3]))
     slopes = 3 * shape[0] + square * (5 * shape[1] + square * (7 * shape[2] + square * 9 * shape[3]))
-    value = (
-        w[SINE] * sine * (1 + shape[0] * sine**2) + w[HALF_SINE] * 2 * half + w[SERIES] * alpha * (1 + square * terms)
-    )
-    slope = w[SINE] * cosine * (1 + 3 * shape[0] * sine**2) + w[HALF_SINE] * beside + w[SERIES] * (1 + square * slopes)
-    value = value + w[HALF_TANGENT] * 2 * half / beside + w[TANGENT] * sine / across
-    return value, slope + w[HALF_TANGENT] / beside**2 + w[TANGENT] / across**2
+    return alpha * (1 + square * terms), 1 + square * slopes
+
+
+def _half_tangent(xp: ModuleType, shape, alpha):
+    beside = xp.maximum(xp.cos(alpha / 2), 1e-3)
+    return 2 * xp.sin(alpha / 2) / beside, 1 / beside**2
+
+
+def _tangent(xp: ModuleType, shape, alpha):
+    sine, cosine = _sine_and_cosine(xp, alpha)
+    across = xp.where(xp.abs(cosine) < 1e-3, 1e-3, cosine)
+    return sine / across, 1 / across**2
+
+
+def _sine_and_cosine(xp: ModuleType, alpha):
+    """From those of α/2: compiled with the other profiles, they cost nothing."""
+    half = xp.sin(alpha / 2)
+    return 2 * half * xp.cos(alpha / 2), 1 - 2 * half**2
+
+
+_PROFILES = (_sine, _half_sine, _series, _half_tangent, _tangent)  # in the order of their numbers
 
 
 def _profile_by_shape(model: _Model, alpha):

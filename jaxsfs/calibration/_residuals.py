@@ -1,19 +1,23 @@
 """Residuals in px of all kinds of targets, with their derivatives.
 
-A residual is a misfit on the ray sphere or on the paper times a metric in px per unit of it. Derivatives are those of
-the misfit alone; those of the metric need the second derivatives of the lens, which take long to compile. For rings the
-metric is computed from the parameters at which a solve starts, and held, so that residual and derivative belong to one
-objective; points and lines cannot do so, see `live_residuals`.
+A residual is a misfit on the ray sphere or on the paper times a metric in px per unit of it. The metric is computed for
+the parameters at which a solve starts, and held, so that residual and derivative belong to one objective and no second
+derivatives of the lens are compiled. Of lines its logarithm is held to first order: nothing else fixes the unit of
+their misfit, and rays would gain by shrinking to the axis or by spreading. Points need none.
 """
 
 from typing import NamedTuple
 
+import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsfs.calibration._arrays import AnyArray, module_of, sum_by_group
 from jaxsfs.calibration._lens import LENS_SIZE, Rays, images, rays
 from jaxsfs.calibration._plane import by_rotation, rotate
 from jaxsfs.calibration._problem import VIEW_SIZE, VIEWS_AT, Observations
+
+_STEP = 1e-6  # of the forward differences
+_LEAST_GROWTH, _MOST_GROWTH = 0.7, 20.0  # of the logarithm of a line's metric during a solve, down and up
 
 
 class Residuals(NamedTuple):
@@ -31,7 +35,10 @@ def look(o: Observations, parameters: Float[AnyArray, " size"]) -> Rays:
 
 
 def metric(o: Observations, parameters: Float[AnyArray, " size"], seen: Rays) -> Float[AnyArray, "count ..."]:
-    """px per unit of each row's misfit at these parameters, `seen` being what `look` returns for them."""
+    """px per unit of each row's misfit about these parameters, `seen` being what `look` returns for them: one number a
+    row, for lines ten (see `_held_line_metric`)."""
+    if o.kind == "lines":
+        return _held_line_metric(o, parameters, seen)
     return _METRICS[o.kind](o, seen, _of_rows(o, parameters))
 
 
@@ -154,16 +161,30 @@ def normals_by_lens(o: Observations, seen: Rays, circles: Circles) -> Float[AnyA
     return -xp.einsum("gij,gjp->gip", circles.turn, change)
 
 
-def _line_metric(o: Observations, seen: Rays, view: Float[AnyArray, "count 6"]) -> Float[AnyArray, " count"]:
-    """1/|∇(n·d)|, n the normal of the line's best great circle; 0 for lines without one."""
-    xp = module_of(view)
-    circles, group = great_circles(o, seen.ray), o.group
-    gradient = xp.einsum("ni,nij->nj", circles.normal[group], seen.slope)
-    return xp.where(circles.defined[group], 1 / xp.sqrt(xp.sum(gradient**2, axis=1) + 1e-18), 0.0)
+def _held_line_metric(o: Observations, parameters, seen: Rays) -> Float[np.ndarray, "count 10"]:
+    """m, −(∂ ln m/∂lens)·lens and ∂ ln m/∂lens of m = 1/|∇(n·d)|, n the normal of the line's best great circle; on the
+    host. m is 0 for lines without one."""
+    circles, lens = great_circles(o, seen.ray), parameters[:LENS_SIZE]
+    turned, slopes = normals_by_lens(o, seen, circles), np.zeros((len(o.group), LENS_SIZE))
+    at_once = _line_metric(o, seen, circles.normal)
+    used = np.nonzero(np.abs(seen.by_lens).max(axis=(0, 1)) > 0)[0]
+    for column in used:
+        step = _STEP * max(1.0, abs(lens[column]))
+        ahead = rays(o.build, lens + step * np.eye(LENS_SIZE)[column], o.pixel)
+        moved = _line_metric(o, ahead, circles.normal + step * turned[..., column])
+        slopes[:, column] = np.log(moved / at_once) / step
+    at_once = np.where(circles.defined[o.group], at_once, 0.0)
+    return np.concatenate([at_once[:, None], -slopes @ lens[:, None], slopes], axis=1)
+
+
+def _line_metric(o: Observations, seen: Rays, normal: Float[AnyArray, "lines 3"]) -> Float[AnyArray, " count"]:
+    xp = module_of(normal)
+    gradient = xp.einsum("ni,nij->nj", normal[o.group], seen.slope)
+    return 1 / xp.sqrt(xp.sum(gradient**2, axis=1) + 1e-18)
 
 
 def _line(
-    o: Observations, parameters, seen: Rays, view: Float[AnyArray, "count 6"], held: Float[AnyArray, " count"]
+    o: Observations, parameters, seen: Rays, view: Float[AnyArray, "count 6"], held: Float[AnyArray, "count 10"]
 ) -> Residuals:
     """Sampson distance (n·d)/|∇(n·d)|, n found from the rays themselves (smallest eigenvector of Σ w d dᵀ)."""
     xp = module_of(parameters)
@@ -172,13 +193,20 @@ def _line(
     distance = xp.sum(normal * seen.ray, axis=1)
     turned = normals_by_lens(o, seen, circles)[o.group]
     by_lens = xp.einsum("ni,nij->nj", normal, seen.by_lens) + xp.einsum("ni,nip->np", seen.ray, turned)
-    rows = by_lens, xp.zeros((len(held), 2)), xp.zeros((len(held), VIEW_SIZE))
-    return Residuals((held * distance)[:, None], *((held[:, None] * part)[:, None] for part in rows))
+    growth = held[:, 1] + held[:, 2:] @ parameters[:LENS_SIZE]
+    # the metric may grow, which keeps rays from becoming one, but hardly shrink, which makes any misfit vanish
+    scale = held[:, 0] * xp.exp(xp.clip(growth, -_LEAST_GROWTH, _MOST_GROWTH))
+    by_scale = xp.where((growth > -_LEAST_GROWTH) & (growth < _MOST_GROWTH), distance, 0.0)
+    by_lens = scale[:, None] * (by_lens + by_scale[:, None] * held[:, 2:])
+    count = len(scale)
+    return Residuals(
+        (scale * distance)[:, None], by_lens[:, None], xp.zeros((count, 1, 2)), xp.zeros((count, 1, VIEW_SIZE))
+    )
 
 
 def _no_metric(o: Observations, seen: Rays, view: Float[AnyArray, "count 6"]) -> Float[AnyArray, " count"]:
     return module_of(view).ones_like(view[:, 0])
 
 
-_METRICS = {"points": _no_metric, "rings": _ring_metric, "lines": _line_metric}
+_METRICS = {"points": _no_metric, "rings": _ring_metric}
 _RESIDUALS = {"points": _point, "rings": _ring, "lines": _line}

@@ -23,6 +23,8 @@ from jaxsfs.calibration._uncertainty import (
 )
 from jaxsfs.camera import AbstractCentralCamera, camera_to_dict
 
+_LEAST_GROUPS = 3  # of a cross-validation
+
 
 @dataclasses.dataclass(frozen=True)
 class ViewResult:
@@ -136,11 +138,13 @@ class Calibration:
 
 
 def total_covariance(found: Fit, groupings: list[Int[np.ndarray, " count"]]) -> Float[np.ndarray, "size size"]:
-    """Per parameter the larger of the fit's sd and the cross-validations', plus the shared error."""
-    covariance = found.covariance
-    for group in groupings:
-        if len(np.unique(group[found.weight > 0])) >= 3:
-            covariance = larger(covariance, jackknife(left_out_steps(found, group)))
+    """Per parameter the larger of the fit's sd and the cross-validation's (the root mean square over the `groupings`,
+    each of which estimates the same from few groups), plus the shared error."""
+    kept = found.weight > 0
+    validations = [
+        jackknife(left_out_steps(found, group)) for group in groupings if len(np.unique(group[kept])) >= _LEAST_GROUPS
+    ]
+    covariance = larger(found.covariance, np.mean(validations, axis=0)) if validations else found.covariance
     shift = shared_shift(found)
     return covariance + np.outer(shift, shift)
 

@@ -11,6 +11,9 @@ from jaxsfs.calibration._field import Photograph
 
 RAYS = 360
 _ENOUGH = 640  # px of width for a rough centre
+_CLEAR = 5.0  # times the noise: an edge
+_BESIDE = 5  # rays, beyond the smoothing along the angle
+_LEAST_PAIRS = 20  # of rays
 
 
 class Chain(NamedTuple):
@@ -82,12 +85,11 @@ def ring_chains(photo: Photograph, centre: tuple[float, float]) -> list[Chain]:
     size = np.abs(response)
     peak = (size > np.roll(size, 1, axis=1)) & (size >= np.roll(size, -1, axis=1)) & ok
     peak[:, :3] = peak[:, -3:] = False
-    peaks = size[peak]
-    if peaks.size < 50:
+    if peak.sum() < 50:
         return []
-    noise = 1.4826 * np.median(size[ok])
-    strong = np.percentile(peaks[peaks > 4 * noise], 75) if (peaks > 4 * noise).any() else np.inf
-    peak &= size > max(0.3 * strong, 4 * noise)
+    peak &= size > _CLEAR * _noise(response, ok)
+    strong = np.percentile(size[peak], 75) if peak.any() else np.inf
+    peak &= size > 0.3 * strong
     chains: list[Chain] = []
     for polarity in (-1, 1):
         chains += _link(peak & (np.sign(response) == polarity), size, polarity)
@@ -110,6 +112,18 @@ def _radial_response(photo: Photograph, centre) -> tuple[np.ndarray, np.ndarray]
     bright = ndimage.gaussian_filter(ndimage.maximum_filter(polar, (1, 25)), (2, 8))
     response = ndimage.gaussian_filter1d(polar, 1.2, axis=1, order=1) / (bright + 0.02)
     return response, ok
+
+
+def _noise(response: Float[np.ndarray, "rays px"], ok: Bool[np.ndarray, "rays px"]) -> Float[np.ndarray, " px"]:
+    """sd of the response at every radius, from rays so near each other that they see the same rings: it grows where
+    light falls off."""
+    change = np.where(ok & np.roll(ok, _BESIDE, axis=0), response - np.roll(response, _BESIDE, axis=0), np.nan)
+    seen = np.isfinite(change).sum(axis=0) >= _LEAST_PAIRS
+    if not seen.any():
+        return np.full(response.shape[1], np.inf)
+    sd = 1.4826 / np.sqrt(2) * np.nanmedian(np.abs(change[:, seen]), axis=0)
+    all_radii = np.interp(np.arange(response.shape[1]), np.nonzero(seen)[0], sd)
+    return ndimage.median_filter(all_radii, 31, mode="nearest")
 
 
 def _link(peak: np.ndarray, size: np.ndarray, polarity: int) -> list[Chain]:

@@ -8,6 +8,7 @@ to its middle), and f times the angle from the great circle falls to 0 as f → 
 import dataclasses
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
@@ -28,8 +29,10 @@ from jaxsfs.photometry import AbstractResponse
 MOST_LINES = 128
 _STARTS = (1.06, 1.3, 1.7, 2.5, 4.0)  # f over the outermost used radius
 _SEARCHES = 4
+_LEAST_EXTENT = 0.97  # of the picture that the lines cover: what a search may lose
 _LEAST_SCATTER = 10  # points from which a scatter is known
 _LEAST_SD = 0.02  # px: what neighbours share does not average away
+_CURVES_REACH = 0.8  # of f: points further out are left out of the curves of straightness
 WORST_RMS = 0.0015  # of the image width
 _LOOSE = 1e6
 
@@ -78,7 +81,7 @@ def calibrate_grid(
 
 def _flexible(setup: Setup, start: Fit) -> Fit:
     """The fit of r = f (s + k s³) from `start`; of r = f sin α where that fails or k runs away."""
-    fits = [fit(name, setup, start.parameters, rounds=6) for name in ("spherical", "spherical-k")]
+    fits = [fit(name, setup, start.parameters, rounds=4) for name in ("spherical", "spherical-k")]
     fits = [found for found in fits if found.success] or fits[:1]
     return min(fits, key=lambda found: float(np.median(np.abs(found.residual))) - 1e-3 * (found.name == "spherical"))
 
@@ -121,16 +124,25 @@ def _bands(found: Fit) -> Int[np.ndarray, " count"]:
 def _searched(photo: Photograph, found: Fit, lines: LinePoints) -> LinePoints:
     """The lines of a line grid all along; other patterns, and what is not found again, as they were."""
     again = search_lines(photo, found, lines) if lines.source == "line grid" else None
-    return lines if again is None or len(again.pixel) < len(lines.pixel) else again
+    if again is None or len(again.axis) < len(lines.axis) or _extent(again) < _LEAST_EXTENT * _extent(lines):
+        return lines
+    return again
+
+
+def _extent(lines: LinePoints) -> float:
+    """Area in px² of the convex hull of the points: what of the picture they cover."""
+    return float(cv2.contourArea(cv2.convexHull(lines.pixel.astype(np.float32))))
 
 
 def curves(found: Fit) -> dict[str, list[float]]:
     """Three scores of straightness against f, the centre held (the paper's Figure 3 in numbers): `sampson_px`, and the
     two that collapse, `unwarped` (rms from straight lines in the perspective picture with focal length f, in px, over
     that picture's scale) and `angle_px` (f times the rms angle from the great circle)."""
-    o, kept = found.setup.observations, found.weight > 0
-    pixel, group = o.pixel[kept], o.group[kept]
-    outermost = float(np.max(np.hypot(*(pixel - found.parameters[1:3]).T)))
+    o = found.setup.observations
+    radius = np.hypot(*(o.pixel - found.parameters[1:3]).T)
+    # nearer to f than that there is no room to show what a smaller f does
+    kept = (found.weight > 0) & (radius < _CURVES_REACH * found.f)
+    pixel, group, outermost = o.pixel[kept], o.group[kept], float(np.max(radius[kept]))
     table: dict[str, list[float]] = {"f": [], "sampson_px": [], "unwarped": [], "angle_px": []}
     for f in outermost * np.geomspace(1.02, 6.0, 25):
         lens = start_lens(f, *found.parameters[1:3])
@@ -183,12 +195,14 @@ def _setup(lines: list[LinePoints], size, centre, aspect: bool):
 def _first_fit(setup: Setup, centre) -> Fit:
     outermost = float(np.max(np.hypot(*(setup.observations.pixel - np.array(centre)).T)))
     starts = [np.concatenate([start_lens(factor * outermost, *centre), [0.0, 0.0]]) for factor in _STARTS]
-    fits = [fit("spherical", setup, start, rounds=2, noise=1.0) for start in starts]
+    fits = [fit("spherical", setup, start, rounds=1, noise=1.0) for start in starts]
     # below the outermost radius used, great circles shrink to points and every score goes to 0
     fits = [found for found in fits if found.success and found.f > used_radius(found)]
     if not fits:
         raise ValueError("no lens makes the lines straight; is the grid flat, and are its lines straight?")
     best = min(fits, key=lambda found: float(np.median(np.abs(found.residual))))
+    again = fit("spherical", setup, best.parameters, rounds=2, noise=best.noise)
+    best = again if again.success else best
     if best.rms > WORST_RMS * setup.size[0]:
         raise ValueError(
             f"no lens makes the lines found straight (rms {best.rms:.1f} px): they were traced wrongly, or the sheet "
