@@ -56,7 +56,7 @@ class FrameSettings:
     smooth_px: Scalar = 0.0
     occlusions: Literal["auto", "off"] = "auto"
     rim: Literal["straight", "closed"] = "straight"
-    rounds: int = 5
+    rounds: int = 4
     scale: Literal["locked", "frame"] = "locked"
 
 

@@ -24,6 +24,7 @@ Mask = Bool[Array, "height width"]
 
 _PAD = 2  # rows and columns beyond the image that second order reads
 _HUGE = 1e30  # v where there is no data: never upwind of anything
+_SETTLED = 1e-2  # mean relative change of v in a round after which the order of the pixels is known
 
 
 class Sweeps(eqx.Module):
@@ -95,15 +96,16 @@ def sweep(
 
     def proceed(state):
         _, _, rounds, change, settled_at = state
-        return (rounds < max_rounds) & ~((change < tolerance) & (rounds > settled_at + 1))
+        return (rounds < max_rounds) & ~((change < tolerance) & (rounds > settled_at) & (rounds >= order))
 
     def body(state):
         v, owner, rounds, _, settled_at = state
-        second = (order == 2) & (rounds > settled_at)
-        new, owner = one_round(v, owner, second, second & (rounds > settled_at + 3))
+        # one round of first order says where things come from; which pixel follows which may be mended while the
+        # solution settles and once more: at a kink it would change for ever
+        second = (order == 2) & (rounds > 0)
+        new, owner = one_round(v, owner, second, second & (rounds > settled_at + 1))
         change = jnp.mean(jnp.abs(new - v) / jnp.maximum(jnp.abs(new), extent), where=inside)
-        # second order starts once the first-order solution knows where everything comes from
-        return new, owner, rounds + 1, change, jnp.where(change < 1e-2, jnp.minimum(settled_at, rounds), settled_at)
+        return new, owner, rounds + 1, change, jnp.where(change < _SETTLED, jnp.minimum(settled_at, rounds), settled_at)
 
     settled = jnp.int32(-1 if order == 1 else max_rounds)
     start = (v, jnp.full(v.shape, -1, jnp.int8), jnp.int32(0), jnp.asarray(jnp.inf, v.dtype), settled)

@@ -86,7 +86,7 @@ def test_a_second_run_computes_what_is_missing(folder, tmp_path, capsys, monkeyp
     assert json.loads(capsys.readouterr().out)["computed"] == 3
     np.testing.assert_array_equal(FrameStore(out).statuses(), before)
     assert np.nanmin(group["range"][3:6]) > 0
-    assert run(folder, out, "--batch", "3", "--rounds", "4") == 2
+    assert run(folder, out, "--batch", "3", "--rounds", "6") == 2
     assert "other settings" in capsys.readouterr().err
     assert run(folder, out, "--frames", "0:4") == 2
     assert "other frames" in capsys.readouterr().err
