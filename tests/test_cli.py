@@ -447,6 +447,7 @@ class TestInterrupted:
         assert [p.name for p in tmp_path.iterdir()] == ["out"]
         assert all((tmp_path / "out" / p.name).read_bytes() == p.read_bytes() for p in result.iterdir())
 
+    @pytest.mark.usefixtures("heeds_interrupts")
     def test_by_a_real_signal(self, view, tmp_path):
         words = [sys.executable, "-m", "jaxsfs.cli", *reconstruct(view, tmp_path / "out")]
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

@@ -9,7 +9,10 @@ import pytest
 
 from jaxsfs.cli._interruption import interruptible
 
-pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this platform has no SIGALRM")
+pytestmark = [
+    pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this platform has no SIGALRM"),
+    pytest.mark.usefixtures("heeds_interrupts"),
+]
 
 
 def run(what: Callable[[], None]) -> None:

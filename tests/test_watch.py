@@ -121,6 +121,7 @@ def test_bad_words(folder, capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_ctrl_c_ends_it(folder, scene, tmp_path):
     writer = cv2.VideoWriter(str(tmp_path / "long.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (96, 96))
     for _ in range(3000):
