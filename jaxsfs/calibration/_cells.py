@@ -17,6 +17,7 @@ _LEAST_DEPTH = 0.12  # of the paper's brightness: shallower dips are shading and
 _LEAST_BORDER = 0.4  # of a cell's side: diagonal neighbours share less
 _STRAIGHT = 0.5  # of a step: how far it may lean
 _SEEDS = 8
+_MOST_SIDE = 1.3  # times what is typical of the cells beside one
 
 
 class Cells(NamedTuple):
@@ -35,7 +36,7 @@ def find_cells(photo: Photograph) -> Cells:
     no harm; where it hides a line two cells join, and are left out.
     """
     labels, middle, side = _regions(photo)
-    near = _neighbours(labels, side)
+    near = _single(_neighbours(labels, side), side)
     best: dict[int, tuple[int, int]] = {}
     for seed in sorted(near, key=lambda cell: -side[cell] * (len(near[cell]) == 4))[:_SEEDS]:
         best = max(best, _walk(seed, near, side, middle), key=len)
@@ -93,6 +94,13 @@ def _neighbours(labels: np.ndarray, side: Float[np.ndarray, " n"]) -> dict[int, 
             near.setdefault(int(a), []).append(int(b))
             near.setdefault(int(b), []).append(int(a))
     return near
+
+
+def _single(near: dict[int, list[int]], side: Float[np.ndarray, " n"]) -> dict[int, list[int]]:
+    """Without the cells that are much larger than those round them: two or four that glare has joined, through which
+    rows would be miscounted."""
+    alone = {cell for cell, others in near.items() if side[cell] < _MOST_SIDE * np.median(side[others])}
+    return {cell: [other for other in near[cell] if other in alone] for cell in near if cell in alone}
 
 
 def _counted(pairs: Int[np.ndarray, "2 count"]) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,7 @@ CULL = 3.5  # robust standard deviations
 _SETTLED = 0.003  # of the rows: what culling may still change
 _NOISE_FLOOR = 0.01  # px
 _LONGEST = 100.0  # f over the image width, at most
-_HOLDS = 4  # solves of lines, at most, each with the metric where the one before ended
+_HOLDS = 3  # solves of lines, at most, each with the metric where the one before ended
 _GAIN = 0.1  # of χ²: less is not worth another
 
 

@@ -1,5 +1,6 @@
 """Both edges of a dark line in a photograph, searched across its predicted image."""
 
+from math import erf
 from typing import NamedTuple
 
 import cv2
@@ -32,14 +33,14 @@ class Curve(NamedTuple):
 
 
 class Sides(NamedTuple):
-    """Offsets in px along the normals of a line's two edges, whether both are `good`, the `blur` (sd, px) that
-    their slopes show, and `fall`, ∂ ln(paper's brightness)/∂x in 1/px across the line."""
+    """Offsets in px along the normals of a line's two edges, whether both are `good`, `fall`, ∂ ln(paper's
+    brightness)/∂x in 1/px across the line, and the sd in px by which the profile itself was `smoothed`."""
 
     left: Float[np.ndarray, " count"]
     right: Float[np.ndarray, " count"]
     good: Bool[np.ndarray, " count"]
-    blur: Float[np.ndarray, " count"]
     fall: Float[np.ndarray, " count"]
+    smoothed: Float[np.ndarray, " count"]
 
 
 def both_edges(photo: Photograph, curve: Curve, reach) -> Sides:
@@ -62,14 +63,30 @@ def both_edges(photo: Photograph, curve: Curve, reach) -> Sides:
     good &= (left > -_WIDEST) & (right < _WIDEST)
     before, after = (np.maximum(profile[:, part].mean(axis=1), 1e-3) for part in (slice(ends), slice(-ends, None)))
     fall = np.clip(np.log(after / before) / (2 * reach * (1 - ends / SAMPLES)), -0.3, 0.3)
-    return Sides(reach * left, reach * right, good, _blur(depth, peak, 2 * reach / (SAMPLES - 1)), fall)
+    spacing = 2 * reach / (SAMPLES - 1)
+    return Sides(reach * left, reach * right, good, fall, _SMOOTH * spacing)
 
 
-def _blur(depth, peak, spacing) -> Float[np.ndarray, " count"]:
-    """sd of the blur: a blurred step's steepest slope is its height/(√(2π)·sd)."""
-    slope = np.abs(np.diff(depth, axis=1)).max(axis=1) / spacing
-    square = (peak / (np.sqrt(2 * np.pi) * np.maximum(slope, 1e-6))) ** 2 - (_SMOOTH * spacing) ** 2
-    return np.sqrt(np.maximum(square, 0.0))
+def blurred_width(width: Float[np.ndarray, " count"], blur: Float[np.ndarray, " count"]) -> Float[np.ndarray, " count"]:
+    """px between the half-depth crossings of a line of `width` px under a Gaussian blur of sd `blur`: 2.355 sd if the
+    line is much thinner, its width if it is much wider."""
+    ratio = width / blur
+    return np.where(ratio < _WIDTHS[0][-1], blur * np.interp(ratio, *_WIDTHS), width)
+
+
+def _widths() -> tuple[np.ndarray, np.ndarray]:
+    """Widths of lines and what they are at half depth under blur, both in sds of the blur, by bisection."""
+    width = np.linspace(0.0, 8.0, 161)[1:]
+    depth = np.vectorize(lambda at, w: erf((at + w / 2) / np.sqrt(2)) - erf((at - w / 2) / np.sqrt(2)))
+    low, high = np.zeros_like(width), 2 + width
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        deep = depth(middle, width) > 0.5 * depth(0.0, width)
+        low, high = np.where(deep, middle, low), np.where(deep, high, middle)
+    return np.concatenate([[0.0], width]), np.concatenate([[2 * np.sqrt(2 * np.log(2))], 2 * low])
+
+
+_WIDTHS = _widths()
 
 
 def depth_of(profile: Float[np.ndarray, "count samples"]) -> Float[np.ndarray, "count samples"]:

@@ -12,12 +12,14 @@ from jaxtyping import Float, Int
 from jaxsfs.calibration._field import Photograph
 from jaxsfs.calibration._fit import Fit, rays_of
 from jaxsfs.calibration._lens import ASPECT, SHAPE
-from jaxsfs.calibration._line_edges import SIDES, Curve, Sides, both_edges
+from jaxsfs.calibration._line_edges import SIDES, Curve, Sides, blurred_width, both_edges
 from jaxsfs.calibration._line_points import LEAST_POINTS, LinePoints
 
 _BEYOND = 4  # lines looked for beyond the outermost found
 _POINTS = 1800  # of a photograph's lines if all of them were clear
+_MOST_POINTS = 1024  # found: one compiled size serves, and nearer ones share their errors
 _LEAST_REACH = 2.6  # px to the sides
+_REACH = 0.45  # of the gap to the next line
 _CLEAR = 0.3  # of the gap between crossing lines: nearer to one, the paper is hidden
 
 
@@ -37,17 +39,17 @@ def search_lines(photo: Photograph, found: Fit, lines: LinePoints) -> LinePoints
     planes = np.stack([_pencil(family)[1] for family in families])
     planes = planes * np.where(planes[:, 2:] < 0, -1.0, 1.0)
     plane = planes.mean(axis=0) if np.min(planes @ planes.T) > 0.98 else None
-    wide = [_widened(family) for family in families]
+    wide = [widened(family) for family in families]
     step = _step(photo, found, families)
     names = [(axis, row) for axis in (0, 1) for row in range(len(wide[axis].place))]
     curves = {name: _clear_curve(photo, found, wide, *name, step) for name in names}
-    sides = {name: both_edges(photo, *curves[name]) for name in names if len(curves[name][1])}
-    blur = _typical_blur(list(sides.values()))
+    sides = {name: both_edges(photo, *curves[name][:2]) for name in names if len(curves[name][1])}
+    blur, share = _blur_and_share(list(sides.values()), [curves[name][2] for name in sides])
     pixel, bend, line, kept = [], [], [], []
     for name, side in sides.items():
         seen = curves[name][0].at(side.good)
         moved, pulled = _moved_by_blur(seen, side.fall[side.good], blur)
-        middle = _middles(found, seen, side, pulled, plane)
+        middle = _middles(found, seen, side, pulled, share * curves[name][2][side.good], plane)
         if len(middle) >= 2 * LEAST_POINTS:
             pixel.append(middle)
             bend.append(moved[:, None] * seen.normal)
@@ -56,13 +58,35 @@ def search_lines(photo: Photograph, found: Fit, lines: LinePoints) -> LinePoints
     if len({axis for axis, _ in kept}) < 2:
         return None
     axes, places = np.array(kept).T
-    return LinePoints(np.concatenate(pixel), np.concatenate(line), lines.source, axes, places, np.concatenate(bend))
+    every = np.concatenate(line)
+    few = np.linspace(0, len(every) - 1, min(len(every), _MOST_POINTS)).round().astype(int)
+    return LinePoints(np.concatenate(pixel)[few], every[few], lines.source, axes, places, np.concatenate(bend)[few])
 
 
-def _typical_blur(sides: list[Sides]) -> float:
-    """That of the sharper edges: thin lines look too blurred."""
-    blur = np.concatenate([side.blur[side.good] for side in sides]) if sides else np.zeros(0)
-    return float(np.percentile(blur, 30)) if len(blur) else 0.0
+def _blur_and_share(sides: list[Sides], gaps: list[np.ndarray]) -> tuple[float, float]:
+    """sd in px of the blur, and the lines' width as a share of their spacing: those two that explain how wide the lines
+    look all over the picture, near and far. One thin line alone does not tell them apart."""
+    good = [side.good for side in sides]
+    if not any(one.any() for one in good):
+        return 0.0, 0.0
+    seen, gap, smoothed = (
+        np.concatenate(parts)
+        for parts in (
+            [(side.right - side.left)[one] for side, one in zip(sides, good, strict=True)],
+            [gap[one] for gap, one in zip(gaps, good, strict=True)],
+            [side.smoothed[one] for side, one in zip(sides, good, strict=True)],
+        )
+    )
+    blurs, shares = np.linspace(0.3, 4.0, 38), np.linspace(0.02, 0.5, 49)
+    for _ in range(2):
+        misfit = [
+            [np.median(np.abs(seen - blurred_width(share * gap, np.hypot(blur, smoothed)))) for share in shares]
+            for blur in blurs
+        ]
+        row, column = np.unravel_index(int(np.argmin(misfit)), (len(blurs), len(shares)))
+        blur, share = blurs[row], shares[column]
+        blurs, shares = blur + np.linspace(-0.1, 0.1, 11), share + np.linspace(-0.01, 0.01, 11)
+    return float(blur), float(share)
 
 
 def _family(found: Fit, lines: LinePoints, axis: int) -> Family | None:
@@ -95,7 +119,7 @@ def _pencil(family: Family) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "
     return both[:3] / np.linalg.norm(both[3:]), both[3:] / np.linalg.norm(both[3:])
 
 
-def _widened(family: Family) -> Family:
+def widened(family: Family) -> Family:
     """The family with lines missing in it, and some beyond its ends, from the pencil (of three lines or more)."""
     if len(family.place) < 3:
         return family
@@ -150,16 +174,18 @@ def _step(photo: Photograph, found: Fit, families: list[Family]) -> float:
 
 
 def _clear_curve(photo: Photograph, found: Fit, families: list[Family], axis: int, row: int, step: float):
-    """One line's image where the lines that cross it leave the paper beside it free, and the px to search there."""
+    """One line's image where the lines that cross it leave the paper beside it free, the px to search there, and those
+    to the nearest line beside it."""
     family, other = families[axis], families[1 - axis]
     curve = _curve(photo, found, family.normal[row], step)
     if not len(curve.ray):
-        return curve, np.zeros(0)
-    reach = 0.45 * _gap(found, curve, np.delete(family.normal, row, axis=0))
+        return curve, np.zeros(0), np.zeros(0)
+    gap = _gap(found, curve, np.delete(family.normal, row, axis=0))
+    reach = _REACH * gap
     before, after = _crossings(found, curve, other.normal)
     clear = np.minimum(before, after) > np.maximum(_CLEAR * 0.5 * (before + after), 3.0)
     clear &= reach > _LEAST_REACH
-    return curve.at(clear), np.minimum(reach[clear], 20.0)
+    return curve.at(clear), np.minimum(reach[clear], 20.0), gap[clear]
 
 
 def _gap(found: Fit, curve: Curve, normals) -> Float[np.ndarray, " count"]:
@@ -184,13 +210,15 @@ def _moved_by_blur(seen: Curve, fall, blur: float) -> tuple[Float[np.ndarray, " 
     return by_blur, by_blur + 0.5 * float(np.mean(np.square(SIDES))) * seen.bend
 
 
-def _middles(found: Fit, seen: Curve, sides: Sides, pulled: Float[np.ndarray, " count"], plane):
+def _middles(found: Fit, seen: Curve, sides: Sides, pulled, width: Float[np.ndarray, " count"], plane):
     """The image of the middle between both edges on the paper; of the edges' images, where the `plane` is unknown: a
-    wide line's image is wider on its nearer side. `pulled`, px along the normal, is taken back."""
+    line's image is wider on its nearer side, by its own `width` in px and not by what blur adds to it. `pulled`, px
+    along the normal, is taken back."""
     good = sides.good
     if not good.any():
         return np.zeros((0, 2))
-    edges = [seen.pixel + (offset[good] - pulled)[:, None] * seen.normal for offset in (sides.left, sides.right)]
+    middle = 0.5 * (sides.left + sides.right)[good] - pulled
+    edges = [seen.pixel + offset[:, None] * seen.normal for offset in (middle - width / 2, middle + width / 2)]
     if plane is None:
         return 0.5 * (edges[0] + edges[1])
     rays = [rays_of(found, edge) for edge in edges]

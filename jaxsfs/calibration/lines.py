@@ -70,7 +70,7 @@ def calibrate_grid(
     groups = setup.observations.group
     scores = compare(setup, flexible, groups)
     chosen = preferred(scores) if model == "auto" else score_named(scores, model)
-    best = fit(chosen.name, setup, chosen.fit.parameters, noise=chosen.fit.noise)
+    best = _straight(fit(chosen.name, setup, chosen.fit.parameters, noise=chosen.fit.noise))
     best = _with_shared_error(best, np.concatenate([lines.bend for _, lines in kept]))
     covariance = total_covariance(best, [groups, owner[groups], _bands(best)])
     views = [_view(best, owner, row, index, lines.source) for row, (index, lines) in enumerate(kept)]
@@ -201,14 +201,19 @@ def _first_fit(setup: Setup, centre) -> Fit:
     if not fits:
         raise ValueError("no lens makes the lines straight; is the grid flat, and are its lines straight?")
     best = min(fits, key=lambda found: float(np.median(np.abs(found.residual))))
-    again = fit("spherical", setup, best.parameters, rounds=2, noise=best.noise)
+    again = fit("spherical", setup, best.parameters, rounds=6, noise=best.noise)
     best = again if again.success else best
-    if best.rms > WORST_RMS * setup.size[0]:
+    return _straight(best)
+
+
+def _straight(found: Fit) -> Fit:
+    """The fit itself. Raises ValueError if its lines are not straight."""
+    if found.rms > WORST_RMS * found.setup.size[0]:
         raise ValueError(
-            f"no lens makes the lines found straight (rms {best.rms:.1f} px): they were traced wrongly, or the sheet "
+            f"no lens makes the lines found straight (rms {found.rms:.1f} px): they were traced wrongly, or the sheet "
             "is bent. Photograph a grid of 10 to 20 lines each way, in focus, with little else in the picture"
         )
-    return best
+    return found
 
 
 def _view(found: Fit, owner, row: int, index: int, source: str) -> ViewResult:
