@@ -42,6 +42,7 @@ def test_structure_points_project_into_the_picture(real_data, data, frame, visib
     ("frame", "settings", "spearman_depth", "spearman_range", "abs_rel"),
     [
         (4584, "blood", 0.64, 0.85, 0.10),
+        pytest.param(4584, "smooth", 0.6, 0.86, 0.10, marks=pytest.mark.slow),
         pytest.param(4600, "blood", 0.82, 0.85, 0.08, marks=pytest.mark.slow),
     ],
 )
