@@ -35,7 +35,9 @@ def test_level_set_benchmark_prints_its_table(level_set_step, monkeypatch, capsy
     assert "triad" in printed
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("arrival", "near-light", "level-set", "sphere")]
+SLOW = [
+    pytest.param(name, marks=pytest.mark.slow) for name in ("arrival", "near-light", "orders", "level-set", "sphere")
+]
 
 
 @pytest.mark.parametrize("only", ["round-in-c", *SLOW])

@@ -12,6 +12,7 @@ LAYERS = (
     ("forms", "differences"),
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading", "window"),
+    ("updates",),
     ("geometry", "arrival", "levelset", "sweeping", "initial", "lights", "occlusion", "rim", "status", "enclosed"),
     ("implicit",),
     ("front",),

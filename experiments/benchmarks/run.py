@@ -18,6 +18,7 @@ import first_call
 import level_set
 import measure
 import near_light
+import orders
 import round_in_c
 import sphere
 
@@ -25,6 +26,7 @@ COMPARISONS = {
     "arrival": arrival.rows,
     "sphere": sphere.rows,
     "near-light": near_light.rows,
+    "orders": orders.rows,
     "level-set": level_set.rows,
     "round-in-c": round_in_c.rows,
     "first-call": first_call.rows,

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int8
 
 from jaxsfs.implicit._stencil import Stencil, Upwind, upwind_values
-from jaxsfs.sweeping import _PAD
+from jaxsfs.updates import PAD
 
 Image = Float[Array, "height width"]
 
@@ -91,8 +91,8 @@ def _pull(x: Image, b: Image, frame: _Frame, forward: Bool[Array, ""]) -> Image:
         i = jnp.where(forward, n, height - 1 - n)
 
         def read(back, shift):
-            start = i + _PAD - jnp.where(forward, back, -back)
-            return jax.lax.dynamic_slice(padded, (start, _PAD + shift), (1, width))
+            start = i + PAD - jnp.where(forward, back, -back)
+            return jax.lax.dynamic_slice(padded, (start, PAD + shift), (1, width))
 
         weights = jax.lax.dynamic_slice(frame.weights, (0, i, 0), (6, 1, width))
         mine = jax.lax.dynamic_slice(frame.owner, (i, 0), (1, width)) == forward.astype(jnp.int8)
@@ -100,28 +100,28 @@ def _pull(x: Image, b: Image, frame: _Frame, forward: Bool[Array, ""]) -> Image:
         for k, (back, shift) in enumerate(_READS):
             value = value + weights[k] * read(back, shift)
         new = jnp.where(mine, value, read(0, 0))
-        return jax.lax.dynamic_update_slice(padded, new, (i + _PAD, _PAD))
+        return jax.lax.dynamic_update_slice(padded, new, (i + PAD, PAD))
 
-    return jax.lax.fori_loop(0, height, row, jnp.pad(x, _PAD))[_PAD:-_PAD, _PAD:-_PAD]
+    return jax.lax.fori_loop(0, height, row, jnp.pad(x, PAD))[PAD:-PAD, PAD:-PAD]
 
 
 def _push(total: Image, waiting: Image, frame: _Frame, forward: Bool[Array, ""]) -> list[Image]:
     """One sweep of Cᵀ against the order of `_pull`: what was handed on so far, and what still waits."""
     height, width = waiting.shape
     mine = frame.owner == forward.astype(jnp.int8)
-    weights = jnp.pad(jnp.where(mine, frame.weights, 0), ((0, 0), (_PAD, _PAD), (_PAD, _PAD)))
+    weights = jnp.pad(jnp.where(mine, frame.weights, 0), ((0, 0), (PAD, PAD), (PAD, PAD)))
 
     def row(n, padded):
         i = jnp.where(forward, height - 1 - n, n)
-        value = jax.lax.dynamic_slice(padded, (i + _PAD, _PAD), (1, width))
+        value = jax.lax.dynamic_slice(padded, (i + PAD, PAD), (1, width))
         for k, (back, shift) in enumerate(_READS):
             # the pixel that reads this one lies opposite; its weight is 0 unless it is of this sweep
-            at = (i + _PAD + jnp.where(forward, back, -back), _PAD - shift)
+            at = (i + PAD + jnp.where(forward, back, -back), PAD - shift)
             weight = jax.lax.dynamic_slice(weights, (k, *at), (1, 1, width))[0]
             value = value + weight * jax.lax.dynamic_slice(padded, at, (1, width))
-        return jax.lax.dynamic_update_slice(padded, value, (i + _PAD, _PAD))
+        return jax.lax.dynamic_update_slice(padded, value, (i + PAD, PAD))
 
-    value = jax.lax.fori_loop(0, height, row, jnp.pad(waiting, _PAD))[_PAD:-_PAD, _PAD:-_PAD]
+    value = jax.lax.fori_loop(0, height, row, jnp.pad(waiting, PAD))[PAD:-PAD, PAD:-PAD]
     return [total + jnp.where(mine, value, 0), jnp.where(mine, 0, value)]
 
 

@@ -11,7 +11,8 @@ from jaxtyping import Array, Bool, Float
 from jaxsfs.implicit._causal import Causal
 from jaxsfs.implicit._stencil import Stencil, Upwind, find_stencil, misfit, upwind_values
 from jaxsfs.shading import AbstractShading
-from jaxsfs.sweeping import _HUGE, Sweeps, power_for, sweep
+from jaxsfs.sweeping import Sweeps, power_for, sweep
+from jaxsfs.updates import HUGE
 
 Image = Float[Array, "height width"]
 Mask = Bool[Array, "height width"]
@@ -63,10 +64,10 @@ def _solution_jvp(settings: _Settings, primals, tangents):
     metric_dot = jnp.where(reached[..., None, None], metric_dot, 0)
     top = jnp.where(given, known, shading.deadline())
     due = w >= top - 8 * jnp.finfo(w.dtype).eps * jnp.maximum(1, jnp.abs(w))
-    data = jnp.where(reached, v, _HUGE)
+    data = jnp.where(reached, v, HUGE)
     once = partial(_once, never=rounds < 0)
     stencil = once(find_stencil(data, shading, metric, p, reached & ~given & ~due, second))
-    held, upwind = once((v, upwind_values(data, stencil, _HUGE)))
+    held, upwind = once((v, upwind_values(data, stencil, HUGE)))
     causal, slope = once(_linearised(held, upwind, stencil, shading, metric, p, second))
 
     def by_parameters(shading, metric, known):

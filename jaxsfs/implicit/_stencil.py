@@ -7,7 +7,7 @@ from jaxtyping import Array, Bool, Float, Int8
 
 from jaxsfs.forms import Scalar
 from jaxsfs.shading import AbstractShading, Balance
-from jaxsfs.sweeping import _HUGE, _PAD
+from jaxsfs.updates import HUGE, PAD
 
 Image = Float[Array, "height width"]
 Mask = Bool[Array, "height width"]
@@ -44,7 +44,7 @@ class Upwind(eqx.Module):
 def find_stencil(v: Image, shading: AbstractShading, metric, p: Scalar, free: Mask, second: bool) -> Stencil:
     """The stencil whose update gives each value of `v`; none where not `free`."""
     balance = shading.balance(v, p)
-    padded = jnp.pad(v, _PAD, constant_values=_HUGE)
+    padded = jnp.pad(v, PAD, constant_values=HUGE)
 
     def compare(direction, best):
         value, kind = _best_update(padded, v.shape, metric, balance, direction, second)
@@ -55,7 +55,7 @@ def find_stencil(v: Image, shading: AbstractShading, metric, p: Scalar, free: Ma
 
     start = jnp.full(v.shape, jnp.inf, v.dtype), jnp.full(v.shape, NO_DIRECTION, jnp.int8)
     gap, code = jax.lax.fori_loop(0, len(STEPS), compare, start)
-    found = free & (gap < 0.1 * _HUGE)
+    found = free & (gap < 0.1 * HUGE)
     direction, kind = code // jnp.int8(len(_KINDS)), code % jnp.int8(len(_KINDS))
     side, straight, diagonal = (jnp.asarray(column)[kind] for column in zip(*_KINDS, strict=True))
     direction = jnp.where(found, direction, jnp.int8(NO_DIRECTION))
@@ -74,7 +74,7 @@ def _best_update(padded, shape, metric, balance, direction, second: bool):
     def neighbour(back, shift):
         along = jnp.where(direction % 2 == 1, -back, back)
         offset = jnp.where(direction < 2, jnp.stack([along, shift]), jnp.stack([shift, along]))
-        return jax.lax.dynamic_slice(padded, offset + _PAD, shape)
+        return jax.lax.dynamic_slice(padded, offset + PAD, shape)
 
     straight = _one_sided(neighbour, 0, second)
     offers = [_from_edge(straight, determinant / g11, balance)]
@@ -92,7 +92,7 @@ def _best_update(padded, shape, metric, balance, direction, second: bool):
 
 def upwind_values(v: Image, stencil: Stencil, fill: float) -> Upwind:
     """The values that each pixel's stencil reads; `fill` beyond the image and where there is no stencil."""
-    padded = jnp.pad(v, _PAD, constant_values=fill)
+    padded = jnp.pad(v, PAD, constant_values=fill)
     straight = [jnp.full_like(v, fill)] * 2
     diagonal = [jnp.full_like(v, fill)] * 2
     for direction in range(len(STEPS)):
@@ -121,7 +121,7 @@ def misfit(
 def _difference(v: Image, near: Image, far: Image, used: Mask, second: bool) -> Image:
     """a (v − m) along one edge; what is not used has values that no derivative stumbles over."""
     near = jnp.where(used, near, v - 1)
-    far = jnp.where(used & (far < 0.5 * _HUGE), far, near)
+    far = jnp.where(used & (far < 0.5 * HUGE), far, near)
     a, m, _ = _one_sided(lambda back, shift: (v, near, far)[back], 0, second)
     return jnp.where(used, a * (v - m), 0)
 
@@ -163,8 +163,8 @@ def _offset(direction: int, back: int, shift: int) -> tuple[int, int]:
 def _at(padded: Float[Array, "high wide"], offset: tuple[int, int], shape: tuple[int, ...]) -> Image:
     return jax.lax.slice(
         padded,
-        (_PAD + offset[0], _PAD + offset[1]),
-        (_PAD + offset[0] + shape[0], _PAD + offset[1] + shape[1]),
+        (PAD + offset[0], PAD + offset[1]),
+        (PAD + offset[0] + shape[0], PAD + offset[1] + shape[1]),
     )
 
 
@@ -174,7 +174,7 @@ def _one_sided(neighbour, shift, second):
     fall, before = here - near, near - far
     ratio = before / jnp.where(fall > 0, fall, 1)
     share = jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1)
-    share = jnp.where(second & (far < 0.5 * _HUGE) & (fall > 0), share, 0)
+    share = jnp.where(second & (far < 0.5 * HUGE) & (fall > 0), share, 0)
     a = 1 + 0.5 * share
     return a, near + 0.5 * share * before / a, near
 
@@ -182,22 +182,22 @@ def _one_sided(neighbour, shift, second):
 def _from_edge(difference, q, balance):
     """q a² (v − m)² + b v² = p: the front comes along the edge."""
     a, m, near = difference
-    m = jnp.where(near < 0.5 * _HUGE, m, 0)
+    m = jnp.where(near < 0.5 * HUGE, m, 0)
     x = _larger_root(q * a * a, 0.0, 0.0, m, balance)
-    return jnp.where((near < 0.5 * _HUGE) & (x >= 0), m + x, _HUGE)
+    return jnp.where((near < 0.5 * HUGE) & (x >= 0), m + x, HUGE)
 
 
 def _from_triangle(straight, diagonal, h11, h12, h22, balance):
     """h^{kl} D_k D_l + b v² = p, D_k = a_k (v − m_k); only if the front comes between the two edges."""
     (a1, m1, near1), (a2, m2, near2) = straight, diagonal
-    known = (near1 < 0.5 * _HUGE) & (near2 < 0.5 * _HUGE)
+    known = (near1 < 0.5 * HUGE) & (near2 < 0.5 * HUGE)
     m1, m2 = jnp.where(known, m1, 0), jnp.where(known, m2, 0)
     c11, c12, c22 = h11 * a1 * a1, h12 * a1 * a2, h22 * a2 * a2
     gap = m2 - m1
     x = _larger_root(c11 + 2 * c12 + c22, (c12 + c22) * gap, c22 * gap * gap, m1, balance)
     d1, d2 = a1 * x, a2 * (x - gap)
     between = (h11 * d1 + h12 * d2 >= 0) & (h12 * d1 + h22 * d2 >= 0) & (d1 >= 0) & (d2 >= 0)
-    return jnp.where(known & between, m1 + x, _HUGE)
+    return jnp.where(known & between, m1 + x, HUGE)
 
 
 def _larger_root(quad, half, rest, m, balance: Balance):

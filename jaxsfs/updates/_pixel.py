@@ -1,0 +1,91 @@
+"""What the pixels before a pixel offer it.
+
+The update at a pixel x with neighbours y₁ (straight) and y₂ (diagonal) takes one-sided differences
+D_k = a_k (v − m_k) along both edges and solves Σ h^{kl} D_k D_l + B v² = P, h^{kl} the inverse metric in the basis
+of the edges. First order: a = 1, m = v(y). Second order: a = 3/2, m = (4 v(y) − v(y'))/3 with y' one step further,
+where v still falls there.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int8
+
+from jaxsfs.shading import Balance
+
+Image = Float[Array, "height width"]
+Owners = Int8[Array, "height width"]
+
+PAD = 2  # rows and columns beyond the image that second order reads
+HUGE = 1e30  # v where there is no data: never upwind of anything
+
+
+class Frame(eqx.Module):
+    """What does not change from round to round: inverse metric, deadline of v, pixels to solve for."""
+
+    g11: Image
+    g12: Image
+    g22: Image
+    top: Image
+    free: Bool[Array, "height width"]
+
+    def transposed(self) -> "Frame":
+        """With rows for columns."""
+        return Frame(self.g22.T, self.g12.T, self.g11.T, self.top.T, self.free.T)
+
+
+def taken(candidate, old, mine, free, top, frozen):
+    """v after an offer: pixels take what is less (unless they are `frozen`) and follow the direction that owns them
+    (`mine`) up as well as down, which second order needs."""
+    better = (candidate < old) & ~frozen
+    return jnp.where(free & (better | mine), jnp.minimum(candidate, top), old)
+
+
+def offered(neighbour, g11, g12, g22, balance: Balance, second):
+    """The smallest v that the row before offers, from two triangles and three edges.
+
+    `neighbour(back, shift)`: v of as many pixels `back` rows before and `shift` columns to the right; `g11`, `g12`,
+    `g22`: inverse metric, 1 across the rows' direction of travel, 2 along it; `second`: second-order differences.
+
+    What `implicit._stencil` says edge by edge and triangle by triangle, in x = v − v(y) and D = a x − b, so that
+    nothing is divided before the root is: half the time. Where v(y) is no data the root is NaN, which is less than
+    nothing.
+    """
+    determinant = g11 * g22 - g12 * g12
+    here, m1 = neighbour(0, 0), neighbour(1, 0)
+    a1, b1 = _difference(here, m1, neighbour(2, 0), second)
+    room = balance.constant - m1 * (balance.square * m1 + balance.linear)
+    pull = balance.square * m1 + 0.5 * balance.linear
+    best = _lower_edge(jnp.full_like(m1, HUGE), m1, a1, b1, determinant, g11, balance)
+    for side in (-1, 1):
+        m2 = neighbour(1, side)
+        a2, b2 = _difference(here, m2, neighbour(2, 2 * side), second)
+        # g in the basis e₁ = (0, −1), e₂ = (side, −1)
+        h12 = -side * g12 - g11
+        h11 = g22 + 2 * side * g12 + g11
+        best = _lower_edge(best, m2, a2, b2, determinant, h11, balance)
+        c2 = b2 + a2 * (m2 - m1)  # D₂ = a₂ x − c₂, D₁ = a₁ x − b₁; u x − w: their products with h
+        u1, w1 = h11 * a1 + h12 * a2, h11 * b1 + h12 * c2
+        u2, w2 = h12 * a1 + g11 * a2, h12 * b1 + g11 * c2
+        quad, half = u1 * a1 + u2 * a2 + balance.square, w1 * a1 + w2 * a2 - pull
+        x = (half + jnp.sqrt(half * half - quad * (w1 * b1 + w2 * c2 - room))) / quad
+        between = (u1 * x >= w1) & (u2 * x >= w2) & (a1 * x >= b1) & (a2 * x >= c2)
+        best = jnp.where(between & (m1 + x < best), m1 + x, best)
+    return best
+
+
+def _difference(here, near, far, second):
+    """(a, b) of the difference a (v − near) − b towards a neighbour: a parabola through it and the one beyond, less of
+    it where their values bend."""
+    fall, before = here - near, near - far
+    ratio = before / fall
+    share = jnp.where(second & (fall > 0), 0.5 * jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1), 0)
+    return 1 + share, share * before
+
+
+def _lower_edge(best, m, a, b, determinant, h, balance: Balance):
+    """`best`, or v with (determinant/h) D² + square·v² + linear·v = constant, D = a (v − m) − b, where that is less."""
+    scaled = determinant * a
+    quad, half = scaled * a + h * balance.square, scaled * b - h * (balance.square * m + 0.5 * balance.linear)
+    rest = determinant * b * b - h * (balance.constant - m * (balance.square * m + balance.linear))
+    v = m + (half + jnp.sqrt(half * half - quad * rest)) / quad
+    return jnp.where((v >= m) & (v < best), v, best)
