@@ -16,6 +16,7 @@ from jaxsfs.calibration._saddles import saddle_points
 LEAST_POINTS = 5  # of a line
 _LEAST_CELLS = 9
 _LEAST_COVER = 0.54
+_MANY = 3  # cells for each good run of corners
 
 
 class LinePoints(NamedTuple):
@@ -34,10 +35,13 @@ def find_lines(photo: Photograph) -> LinePoints | None:
     """The straight lines of whichever pattern gives the largest lattice; None if no line has enough points."""
     cells, dots = find_cells(photo), blobs(photo)
     grown = grow_lattice(dots)
-    if len(cells.middle) >= max(_LEAST_CELLS, _smooth_runs(dots, *grown)) and cells.cover > _LEAST_COVER:
-        return _long_enough(*_between_cells(photo, cells), "line grid")
     saddles = saddle_points(photo)
     lattices = {"dots": (dots, *grown), "checkerboard": (saddles, *grow_lattice(saddles))}
+    least = max(_LEAST_CELLS, _smooth_runs(*lattices["dots"]))
+    # a checkerboard's bright squares are cells too, but fill less, and its corners are as many
+    filled = cells.cover > _LEAST_COVER or len(cells.middle) > _MANY * _smooth_runs(*lattices["checkerboard"])
+    if len(cells.middle) >= least and filled:
+        return _long_enough(*_between_cells(photo, cells), "line grid")
     source = max(lattices, key=lambda name: _smooth_runs(*lattices[name]))
     points, rows, index = lattices[source]
     if len(rows) < 12:

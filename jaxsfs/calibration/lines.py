@@ -21,12 +21,13 @@ from jaxsfs.calibration._line_points import LinePoints, find_lines
 from jaxsfs.calibration._line_search import search_lines
 from jaxsfs.calibration._problem import VIEWS_AT, Rows
 from jaxsfs.calibration._result import Calibration, ViewResult, total_covariance
-from jaxsfs.calibration._ring_setup import CENTRE_SD, SHAPE_SD, UNSURE
+from jaxsfs.calibration._ring_setup import CENTRE_SD, SHAPE_SD
 from jaxsfs.calibration._uncertainty import used_radius
 from jaxsfs.calibration._vectors import line_directions, line_gradients
 from jaxsfs.photometry import AbstractResponse
 
 MOST_LINES = 128
+UNSURE = 1.0  # of what blur moves a line: its sd, that all lines share
 _STARTS = (1.06, 1.3, 1.7, 2.5, 4.0)  # f over the outermost used radius
 _SEARCHES = 4
 _LEAST_EXTENT = 0.97  # of the picture that the lines cover: what a search may lose
