@@ -104,11 +104,7 @@ def summary(row: str, draws: list[Draw]) -> list[dict[str, str]]:
     """The lines of the table for one row."""
     title, figures = FIGURES[row][0] + f" ({len(draws)} draws)", FIGURES[row][1]
     lines = [_figure_line(title, figure, draws) for figure in figures]
-    lines += [
-        _coverage_line(title, name, error, sd, draws)
-        for name, error, sd in (("f", "f_error", "f_sd"), ("cx", "cx_error", "cx_sd"), ("cy", "cy_error", "cy_sd"))
-        if any(error in draw for draw in draws)
-    ]
+    lines += coverage(title, draws)
     if row == "equisolid":
         share = np.mean([draw.get("named") == "equisolid" for draw in draws])
         lines.append(_line(title, "called equisolid", f"{100 * share:.1f} %", "≥ 95 %", bool(share >= 0.95)))
@@ -119,6 +115,15 @@ def summary(row: str, draws: list[Draw]) -> list[dict[str, str]]:
         )
     share = np.mean([is_failure(draw) for draw in draws])
     return [*lines, _line(title, "failures", f"{100 * share:.1f} %", "≤ 1 %", bool(share <= 0.01))]
+
+
+def coverage(title: str, draws: list[Draw]) -> list[dict[str, str]]:
+    """How often the quoted 1σ of f and of the principal point hold."""
+    return [
+        _coverage_line(title, name, error, sd, draws)
+        for name, error, sd in (("f", "f_error", "f_sd"), ("cx", "cx_error", "cx_sd"), ("cy", "cy_error", "cy_sd"))
+        if any(error in draw for draw in draws)
+    ]
 
 
 def _figure_line(title: str, figure: Figure, draws: list[Draw]) -> dict[str, str]:
@@ -199,6 +204,8 @@ def main() -> None:
     draws = run(arguments.rows, seeds, budget, lambda text: print(text, file=sys.stderr), store)
     by_row = {row: [draw for draw in draws if draw["row"] == row] for row in arguments.rows}
     lines = [line for row, mine in by_row.items() if mine for line in summary(row, mine)]
+    if sum(bool(mine) for mine in by_row.values()) > 1:
+        lines += coverage(f"all rows together ({len(draws)} draws)", draws)
     if not lines:
         parser.error("there are no draws yet of the present source")
     table = markdown(lines)

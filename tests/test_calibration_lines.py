@@ -38,7 +38,7 @@ def test_a_line_grid_of_unknown_size_gives_the_camera(line_grid):
 
 def test_lines_carry_the_error_that_blur_may_leave(line_grid):
     systematic = np.abs(line_grid.fit.setup.systematic)
-    assert 0.005 < systematic.max() < 0.1
+    assert 0.005 < systematic.max() < 0.3
     assert abs(line_grid.camera.f - 320.0) < 3 * line_grid.f_sd
 
 
