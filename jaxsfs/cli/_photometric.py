@@ -8,7 +8,7 @@ from jaxsfs.camera import CameraFile
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._settings import CAMERA_FILE, COMMAND_LINE, DEFAULT, Setting, Source, choose
 from jaxsfs.files import InputError, Photo
-from jaxsfs.files._meshes import Unit
+from jaxsfs.files._formats import Unit
 from jaxsfs.photo import automatic_response, parse_channel
 from jaxsfs.photometry import parse_falloff, parse_response
 from jaxsfs.reflectance import parse_reflectance

@@ -3,15 +3,13 @@
 import json
 import struct
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import trimesh
 from trimesh.visual.color import ColorVisuals
 
 from jaxsfs.files._atomic import InputError, write_bytes
-
-Unit = Literal["mm", "scene units"]
+from jaxsfs.files._formats import Unit
 
 _FLOAT32, _UINT16, _UINT32 = 5126, 5123, 5125  # glTF's component types
 _VERTICES, _TRIANGLES = 34962, 34963  # glTF's buffer targets

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from jaxsfs.camera import camera_from_dict
 from jaxsfs.files._atomic import InputError, read_bytes
-from jaxsfs.files._meshes import Unit
+from jaxsfs.files._formats import Unit
 from jaxsfs.files._photo import _decode, read_mask
 from jaxsfs.files._records import read_json
 from jaxsfs.surface import Surface

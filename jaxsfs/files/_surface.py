@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from jaxsfs.files._formats import Unit
 from jaxsfs.files._maps import write_png, write_tiff
-from jaxsfs.files._meshes import Unit, write_mesh
+from jaxsfs.files._meshes import write_mesh
 from jaxsfs.geometry import geometry
 from jaxsfs.mesh import mesh_from_surface
 from jaxsfs.pictures import depth_picture, shaded_picture
