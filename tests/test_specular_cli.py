@@ -67,7 +67,8 @@ def test_rivals_work_where_their_assumptions_hold(monkeypatch):
 
 @pytest.mark.slow
 def test_real_highlights_come_near_their_surroundings(data, monkeypatch):
-    """Measured on the half that no colour was estimated from. The aim is 0.9 to 1.1; two frames read 1.11 and 1.16.
+    """Measured on the half that no colour was estimated from. The aim is 0.9 to 1.1; in one frame a third of the
+    pixels that the script's rule takes are those of pale organs, and it reads 1.17 with them.
 
     A fill passes the ratio too, and keeps nothing of a texture painted on the picture.
     """
@@ -79,7 +80,8 @@ def test_real_highlights_come_near_their_surroundings(data, monkeypatch):
     assert len(rows) == 3
     for row in rows:
         assert row["ratio stored"] > 1.8
-        assert 0.9 < row["ratio ours"] < 1.18
+        assert 0.9 < row["ratio removed"] < 1.1
+        assert row["removed"] > 0.7
         assert abs(row["texture filled"]) < 0.05
         assert row["texture ours"] > 0.15
 

@@ -25,6 +25,7 @@ _EXACT_ERROR = 0.03  # the same where one body colour explains the whole picture
 _BLOOM = 0.1  # relative error of the body beside an unmeasured pixel, falling by e per px
 _ROUGHNESS = 0.004  # |Δ ln E| per px² of smooth tissue
 _WIDE_ROUGHNESS = 0.02  # of all that a veil covers, contours and all
+_TENSION, _UNEVEN_TENSION = 0.02, 0.2  # px⁻², where a bright rim must not be carried on inwards
 _MISFIT = 1.5  # mean squared residual in σ from which a picture's own edges are followed
 _DETAIL = 3.0  # px, σ of the blur that detail differs from
 _SUSPICION = 1.5  # times the variance that detail must exceed
@@ -56,7 +57,8 @@ def remove_by_colour(
     hole = (grown(parts.highlights, tail) | grown(cores, tail)) & usable
     if not hole.any():
         return Removed(linear, hole, hole)
-    fit = fit_for(hole, usable, _WIDE_ROUGHNESS if parts.single else _ROUGHNESS)
+    roughness = _WIDE_ROUGHNESS if parts.single else _ROUGHNESS
+    fit = fit_for(hole, usable, roughness, _UNEVEN_TENSION if parts.uneven else _TENSION)
     if parts.uneven and not fill:
         body = _with_own_colours(fit, parts, body, hole, data, sample)
     measured, weight = _measured(parts, body, hole, data)

@@ -36,10 +36,11 @@ class Fit(NamedTuple):
     coarser: "Fit | None"
 
 
-def fit_for(hole: Mask, usable: Mask, roughness: Scalar) -> Fit:
-    """What `fit_smooth` needs of the `hole` and of the pixels that are neighbours, for any weights."""
+def fit_for(hole: Mask, usable: Mask, roughness: Scalar, tension: Scalar = _TENSION) -> Fit:
+    """What `fit_smooth` needs of the `hole` and of the pixels that are neighbours, for any weights. `tension`: weight
+    of |∇u|² against (Δu)² px²."""
     domain = cv2.dilate(hole.astype(np.uint8), np.ones((2 * _RING + 1,) * 2, np.uint8)).astype(bool) & usable
-    return _fit_at(domain, usable, float(roughness), _TENSION)
+    return _fit_at(domain, usable, float(roughness), float(tension))
 
 
 def fit_smooth(fit: Fit, measured: Grey, weight: Grey, hole: Mask, start: Grey | None = None) -> Grey:
