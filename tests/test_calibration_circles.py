@@ -1,5 +1,7 @@
 """Concentric circles: synthetic photographs with known truth, and what goes wrong."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from data_synth.target_patterns import BlankSheet, Rings
 from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_circles, tilted
 from jaxsfs.calibration._eq20 import estimators
+from jaxsfs.calibration._guards import check_possible
 from jaxsfs.camera import Equisolid, Spherical
 
 RADII = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
@@ -118,6 +121,36 @@ def test_a_wrong_height_is_noticed():
 def test_radii_of_another_sheet_are_refused():
     with pytest.raises(ValueError, match="radii"):
         calibrate_circles([rings(tilted(3.0, 0.0, 22.0))], (3.0, 17.0, 18.0, 19.0, 40.0))
+
+
+@pytest.mark.slow
+def test_a_picture_without_the_rings_centre_is_refused():
+    image = rings(tilted(6.0, 40.0, 22.0, (1.0, 0.5)))[:, 380:]
+    with pytest.raises(ValueError, match=r"whole rings|no photograph could be used"):
+        calibrate_circles([image], RADII)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "match"),
+    [
+        (1, -3.0, "outside the 640 x 480 picture"),
+        (1, 5.0, "outside the lit field"),
+        (0, np.log(150.0), "below the outer"),
+    ],
+)
+def test_cameras_that_cannot_be_are_refused(one_view, column, value, match):
+    field = np.hypot(*np.mgrid[-240:240, -320:320]) < 260
+    check_possible(one_view.fit, field)
+    parameters = one_view.fit.parameters.copy()
+    parameters[column] = value
+    with pytest.raises(ValueError, match=match):
+        check_possible(dataclasses.replace(one_view.fit, parameters=parameters), field)
+
+
+@pytest.mark.slow
+def test_radii_beyond_the_picture_change_nothing(one_view):
+    more = calibrate_circles([rings(tilted(6.0, 40.0, 22.0, (1.0, 0.5)))], (*RADII, 35.0, 40.0, 45.0, 50.0))
+    assert more.camera.f == pytest.approx(one_view.camera.f, abs=2 * one_view.f_sd)
 
 
 def test_no_target_is_refused():

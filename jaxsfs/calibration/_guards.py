@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Shaped
+from jaxtyping import Bool, Float, Shaped
 
 from jaxsfs.calibration._compare import ModelScore, preferred
 from jaxsfs.calibration._fit import Fit
@@ -71,9 +71,11 @@ def warnings_of(
     scores: list[ModelScore],
     height: float | None = None,
     height_tolerance: float = 0.02,
+    field: Bool[np.ndarray, "rows columns"] | None = None,
 ) -> list[str]:
-    """Plain sentences on what the photographs leave uncertain. Raises ValueError for a camera that cannot be."""
-    check_possible(found)
+    """Plain sentences on what the photographs leave uncertain. Raises ValueError for a camera that cannot be; `field`
+    is the lit part of the pictures."""
+    check_possible(found, field)
     warnings = []
     alpha = alpha_max_deg(found)
     sd = np.sqrt(np.diag(covariance))
@@ -117,14 +119,20 @@ def _height_warnings(found: Fit, covariance, height: float | None, tolerance: fl
     return warnings
 
 
-def check_possible(found: Fit) -> None:
-    """Raises ValueError for a camera that cannot be: its centre outside the picture, or no ray for what it saw."""
+def check_possible(found: Fit, field: Bool[np.ndarray, "rows columns"] | None = None) -> None:
+    """Raises ValueError for a camera that cannot be: its centre outside the picture or the lit field, or no ray for
+    what it saw."""
     cx, cy = found.parameters[1:3]
     width, height = found.setup.size
     if not (0 <= cx < width and 0 <= cy < height):
         raise ValueError(
             f"the fit puts the principal point at ({cx:.0f}, {cy:.0f}) px, outside the {width} x {height} picture: is "
             "the target the one described, and whole? Add photographs that it fills, tilted by 10 to 20°"
+        )
+    if field is not None and not field[round(cy) : round(cy) + 1, round(cx) : round(cx) + 1].all():
+        raise ValueError(
+            f"the fit puts the principal point at ({cx:.0f}, {cy:.0f}) px, outside the lit field: is the target the "
+            "one described, and whole? Add photographs that it fills, tilted by 10 to 20°"
         )
     outermost = used_radius(found)
     if found.name == "spherical" and outermost > 0.995 * found.f:

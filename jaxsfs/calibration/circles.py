@@ -20,6 +20,7 @@ from jaxsfs.photometry import AbstractResponse
 
 LEAST_MATCHED = 0.5
 LEAST_EXPLAINED = 0.65  # of the rings seen: two rings and a centre dot make 0.67
+WORST_RMS = 0.0015  # of the image width
 _INDEPENDENT = 0.25  # share of a ring's edges that count as independent
 
 
@@ -56,9 +57,11 @@ def calibrate_circles(
     scores = compare(setup, flexible, rings, _INDEPENDENT)
     chosen = preferred(scores) if model == "auto" else score_named(scores, model)
     setup, found = _joint_fit(chosen.name, setup, chosen.fit.parameters)
+    _check_rms(found, printed)
     covariance = total_covariance(found, _groupings(found, rings))
     results = [_view_result(found, covariance, views[index], i, index, printed) for i, index in enumerate(kept)]
-    warnings = warnings_of(found, covariance, results, scores, height, height_tolerance)
+    field = np.any([photo.field for photo in photos], axis=0)
+    warnings = warnings_of(found, covariance, results, scores, height, height_tolerance, field)
     style = views[kept[0]].style
     extras = {"style": style, "line_width_mm": float(found.parameters[LENS_SIZE]), "radii_mm": printed.tolist()}
     return Calibration("circles", found, covariance, scores, results, rejected, warnings, extras)
@@ -114,6 +117,17 @@ def _joint_fit(name: str, setup, start: Float[np.ndarray, " size"]):
             f"the fit of the {name} lens did not converge; try another --model, give --height, or add a photograph"
         )
     return setup, found
+
+
+def _check_rms(found: Fit, printed: Float[np.ndarray, " rings"]) -> None:
+    """Raises ValueError for rings that are far from where the fit puts them."""
+    if found.rms > WORST_RMS * found.setup.size[0]:
+        listed = " ".join(f"{radius:g}" for radius in printed)
+        raise ValueError(
+            f"the rings found do not fit flat circles of {listed} mm under the {found.name} lens "
+            f"(rms {found.rms:.1f} px): try --model auto, check the radii, and photograph the circles so that their "
+            "common centre and at least two whole rings are in the picture, in focus"
+        )
 
 
 def _groupings(found: Fit, rings: Int[np.ndarray, " count"]) -> list[Int[np.ndarray, " count"]]:

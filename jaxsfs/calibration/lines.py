@@ -33,6 +33,10 @@ _SEARCHES = 4
 _LEAST_EXTENT = 0.97  # of the picture that the lines cover: what a search may lose
 _LEAST_SCATTER = 10  # points from which a scatter is known
 _LEAST_SD = 0.02  # px: what neighbours share does not average away
+_SHOW = (
+    "straight. There is no printed grid in the picture, it was traced wrongly, or the sheet is bent. Photograph a flat "
+    "grid of 10 to 20 lines each way (jaxsfs target grid), in focus, with little else in the picture"
+)
 _CURVES_REACH = 0.8  # of f: points further out are left out of the curves of straightness
 WORST_RMS = 0.0015  # of the image width
 _LOOSE = 1e6
@@ -76,7 +80,8 @@ def calibrate_grid(
     covariance = total_covariance(best, [groups, owner[groups], _bands(best)])
     views = [_view(best, owner, row, index, lines.source) for row, (index, lines) in enumerate(kept)]
     rejected = [(i, why) for i, lines in enumerate(found) if lines is None]
-    warnings = warnings_of(best, covariance, views, scores)
+    field = np.any([photo.field for photo in photos], axis=0)
+    warnings = warnings_of(best, covariance, views, scores, field=field)
     return Calibration("grid", best, covariance, scores, views, rejected, warnings, {"straightness": curves(best)})
 
 
@@ -200,7 +205,7 @@ def _first_fit(setup: Setup, centre) -> Fit:
     # below the outermost radius used, great circles shrink to points and every score goes to 0
     fits = [found for found in fits if found.success and found.f > used_radius(found)]
     if not fits:
-        raise ValueError("no lens makes the lines straight; is the grid flat, and are its lines straight?")
+        raise ValueError(f"no grid found: no lens makes the {setup.observations.group.max() + 1} rows of marks {_SHOW}")
     best = min(fits, key=lambda found: float(np.median(np.abs(found.residual))))
     again = fit("spherical", setup, best.parameters, rounds=6, noise=best.noise)
     best = again if again.success else best
@@ -211,8 +216,8 @@ def _straight(found: Fit) -> Fit:
     """The fit itself. Raises ValueError if its lines are not straight."""
     if found.rms > WORST_RMS * found.setup.size[0]:
         raise ValueError(
-            f"no lens makes the lines found straight (rms {found.rms:.1f} px): they were traced wrongly, or the sheet "
-            "is bent. Photograph a grid of 10 to 20 lines each way, in focus, with little else in the picture"
+            f"no grid found: under the best lens the rows of marks are off by {found.rms:.1f} px rms, so that none "
+            f"makes them {_SHOW}"
         )
     return found
 
