@@ -1,5 +1,6 @@
 """DICOM in: stills, several frames and video, of 8 and 12 bits; nothing but pixels comes out."""
 
+import subprocess
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,8 @@ from jaxsfs.files._frames import open_frames
 
 pydicom = pytest.importorskip("pydicom", reason="the extra dicom is not installed")
 
-EXPLICIT, MPEG4 = "1.2.840.10008.1.2.1", "1.2.840.10008.1.2.4.102"
+EXPLICIT = "1.2.840.10008.1.2.1"
+MPEG4, HEVC = "1.2.840.10008.1.2.4.102", "1.2.840.10008.1.2.4.107"
 SECRET = b"DOE^JANE"
 
 
@@ -94,6 +96,25 @@ def test_a_video_inside(tmp_path):
     broken = write(tmp_path / "b.dcm", encapsulate([b"no stream at all"]), (48, 64), syntax=MPEG4, **COLOUR)
     with pytest.raises(files.InputError, match="cannot be decoded by this OpenCV"):
         open_frames(broken)
+
+
+@pytest.mark.parametrize(("container", "syntax"), [("mp4", MPEG4), ("mpegts", MPEG4), ("mpegts", HEVC)])
+def test_the_streams_that_workstations_write(tmp_path, container, syntax):
+    """H.264 and H.265 by FFmpeg's own encoders, in the two containers that the standard allows."""
+    from pydicom.encaps import encapsulate
+
+    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra dev is not installed").get_ffmpeg_exe()
+    levels = np.full((6, 48, 64, 3), 40 * np.arange(6)[:, None, None, None], np.uint8)
+    codec = "libx264" if syntax == MPEG4 else "libx265"
+    words = [ffmpeg, "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", "64x48", "-r", "10", "-i", "-"]
+    words += ["-c:v", codec, "-pix_fmt", "yuv420p", "-f", container, str(tmp_path / "stream")]
+    subprocess.run(words, input=levels.tobytes(), check=True, capture_output=True)
+    pixels = encapsulate([(tmp_path / "stream").read_bytes()])
+    frames = open_frames(write(tmp_path / "a.dcm", pixels, (48, 64), syntax=syntax, NumberOfFrames=6, **COLOUR))
+    assert (frames.count, frames.per_second) == (6, 10)
+    for index in (0, 4, 1, 5):
+        assert frames.read(index).mean() == pytest.approx(40 * index, abs=4)
+    frames.close()
 
 
 @pytest.mark.slow
