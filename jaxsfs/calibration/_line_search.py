@@ -77,6 +77,7 @@ def _blur_and_share(sides: list[Sides], gaps: list[np.ndarray]) -> tuple[float, 
             [side.smoothed[one] for side, one in zip(sides, good, strict=True)],
         )
     )
+    blur, share = 0.0, 0.0
     blurs, shares = np.linspace(0.3, 4.0, 38), np.linspace(0.02, 0.5, 49)
     for _ in range(2):
         misfit = [
