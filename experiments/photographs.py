@@ -3,12 +3,16 @@
     python experiments/photographs.py --out out/photographs
     python experiments/photographs.py --quick
     python experiments/photographs.py --smoothing
+    python experiments/photographs.py --clipping
 
 Every scene of `data_synth` and several random ones (report seeds) is photographed as a scope would: sRGB, 8 bit, noise
 of 0.4 % of full scale, highlights that clip, exposed so that the 99th percentile is 0.9 of full scale. Columns: mean
 relative error of range after median scaling from the exact image, from the photograph with highlights left in, and
 from the photograph as `jaxsfs reconstruct` prepares it. `--smoothing` instead compares ways to smooth, without
-highlights, on clean and noisy pictures. Prints a Markdown table and writes it with the command that made it.
+highlights, on clean and noisy pictures. `--clipping`: exposed so that a channel clips in 36 % of the pixels; errors
+with clipped values taken as data and as prepared, there over all pixels and over the clipped ones, and the share of the
+clipped ones that lie on a plateau (ln r within 1e-4 of both neighbours', which no wall here is). Prints a Markdown
+table and writes it with the command that made it.
 """
 
 import argparse
@@ -87,6 +91,40 @@ def smoothings(names: list[str], size: tuple[int, int]) -> list[tuple[str, ...]]
     return rows
 
 
+def clippings(names: list[str], size: tuple[int, int]) -> list[tuple[str, ...]]:
+    """Rows: scene, share clipped, error of the exact image; over all and over the clipped pixels with clipped values as
+    data, and as prepared; plateaus in both."""
+    rows = []
+    for name in tqdm(names, file=sys.stderr, disable=None):
+        view = seen(name, size)
+        valid = np.asarray(view.surface.valid)
+        # the brightest channel of the 64th percentile is at full scale
+        stored = take_photo(view, read_noise=0.004, seed=1, percentile=64, level=1.0).stored / 255.0
+        clipped = (stored >= LIMIT).any(axis=-1) & valid
+        as_data, _ = irradiance_of(stored, view.camera, valid=valid, clip_limit=None)
+        cells = [name, f"{clipped.sum() / valid.sum():.0%}", f"{abs_rel(view, view.irradiance):.4f}"]
+        flats = []
+        for irradiance in (as_data, irradiance_of_stored(stored, view.camera, valid)):
+            found = reconstruct(
+                Irradiance(irradiance.values.astype(jnp.float32), irradiance.valid), view.camera
+            ).surface
+            there = np.asarray(found.valid) & valid
+            ratio = np.where(there, np.asarray(found.range, float) / np.asarray(view.surface.range, float), np.nan)
+            errors = np.abs(ratio / np.nanmedian(ratio) - 1)
+            cells += [f"{np.nanmean(errors):.4f}", f"{np.nanmean(errors[clipped]):.4f}"]
+            flats.append(f"{plateau(np.asarray(found.range, float), clipped & there):.1%}")
+        rows.append((*cells, *flats))
+    return rows
+
+
+def plateau(distance: np.ndarray, where: np.ndarray) -> float:
+    """Share of the pixels `where` ln r hardly differs from the next right and below."""
+    log = np.log(np.maximum(distance, 1e-9))
+    flat = np.zeros(log.shape, bool)
+    flat[:-1, :-1] = np.hypot(np.diff(log, axis=1)[:-1], np.diff(log, axis=0)[:, :-1]) < 1e-4
+    return float(flat[where].mean())
+
+
 def bilateral(irradiance: Irradiance, spread: float, sigma_px: float) -> Irradiance:
     """Edge-preserving smoothing of ln E: Gaussian in space, and in ln E of width `spread`."""
     valid = np.asarray(irradiance.valid)
@@ -105,12 +143,26 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/photographs"))
     parser.add_argument("--quick", action="store_true", help="three scenes, small pictures")
     parser.add_argument("--smoothing", action="store_true", help="compare ways to smooth instead")
+    parser.add_argument("--clipping", action="store_true", help="36 %% of the pixels clipped instead")
     parser.add_argument("--random", type=int, default=6, help="number of random scenes")
     options = parser.parse_args()
-    size = (160, 120) if options.quick else (320, 240) if options.smoothing else (640, 480)
+    size = (160, 120) if options.quick else (320, 240) if options.smoothing or options.clipping else (640, 480)
     names = [*OPEN, *OCCLUDED, *(f"random:{seed}" for seed in REPORT_SEEDS[: options.random])]
     names = ["plane", "ball", "polyps"] if options.quick else names
-    if options.smoothing:
+    if options.clipping:
+        header = (
+            "scene",
+            "clipped",
+            "clean",
+            "as data",
+            "in clipped",
+            "prepared",
+            "in clipped",
+            "plateaus: data",
+            "prepared",
+        )
+        table = markdown(header, clippings(names, size))
+    elif options.smoothing:
         header = ("scene", "noise", "0", "0.7 px", "1 px", "1.5 px", "bilateral 0.1, 1 px", "bilateral 0.2, 1.5 px")
         table = markdown(header, smoothings(names, size))
     else:
@@ -118,7 +170,7 @@ def main() -> None:
         table = markdown(header, photographs(names, size))
     options.out.mkdir(parents=True, exist_ok=True)
     command = shlex.join(["python", *sys.argv])
-    name = "smoothing.md" if options.smoothing else "photographs.md"
+    name = "smoothing.md" if options.smoothing else "clipping.md" if options.clipping else "photographs.md"
     (options.out / name).write_text(f"`{command}`\n\n{table}", encoding="utf-8")
     print(table, end="")
 

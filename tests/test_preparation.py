@@ -52,14 +52,17 @@ def test_a_shining_wall_is_as_good_as_a_matte_one(name):
     assert left_in > 0.009
 
 
-@pytest.mark.parametrize("name", ["plane", "ball", "wavy-wall"])
-def test_a_third_of_the_pixels_clipped_in_red_costs_nothing(name):
+@pytest.mark.parametrize(
+    ("name", "bound"), [("plane", 0.002), ("ball", 0.002), ("wavy-wall", 0.002), ("polyps", 0.012)]
+)
+def test_a_third_of_the_pixels_clipped_in_red_costs_nothing(name, bound):
+    """Nor is a near polyp, brighter than the wall behind and pale where red is clipped, the core of a highlight."""
     view, photo = seen(name, percentile=64, level=1.0, body_colour=TISSUE)
     found = prepared(view, photo)
     clipped = (photo.stored >= 254).any(axis=-1) & np.asarray(view.surface.valid)
     assert clipped.mean() > 0.2
     assert found.measured.sum() > 0.9 * clipped.sum()
-    assert abs_rel(view, found.irradiance) < 0.002
+    assert abs_rel(view, found.irradiance) < bound
 
 
 @pytest.mark.parametrize(("name", "bound"), [("plane", 0.008), ("ball", 0.012), ("tube", 0.04)])

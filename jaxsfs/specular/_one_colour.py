@@ -19,7 +19,7 @@ _PURE = 2.0  # percentile of the paleness that is the bare body
 def one_body_colour(
     linear: Float[np.ndarray, "height width 3"], data: Bool[np.ndarray, "height width"], interface: Vector
 ) -> Vector | None:
-    """k_d of luminance 1 if the picture is c_B k_d + c_I k_s with one k_d (eq. 7); None if not, or if nothing varies.
+    """k_d of luminance 1 if the picture is c_B k_d + c_I k_s with one k_d (eq. 7); None if not.
 
     Chromaticities I/ΣI then lie on the line from k_d's towards k_s's, and pale regions are veiled ones, however wide.
     Tissue whose own colour varies leaves the line, or runs along another: blood darkens green and blue at once and
@@ -42,10 +42,13 @@ def one_body_colour(
     towards = interface / interface.sum() - middle
     cosine = float(axes[:, 2] @ towards) / max(float(np.linalg.norm(towards)), 1e-12)
     planar = _spread(across) < _PLANAR and np.percentile(np.abs(across), 95) < _PLANAR_TAIL
-    long = along.std() > _LONG * across.std()
-    if not (planar and long and abs(cosine) > np.cos(np.deg2rad(_DIRECTION))):
+    if not planar:
         return None
     direction = np.sign(cosine) * axes[:, 2]
+    if along.std() < _LONG * across.std():
+        direction = towards / np.linalg.norm(towards)  # a few glints at most: noise has no direction
+    elif abs(cosine) < np.cos(np.deg2rad(_DIRECTION)):
+        return None
     # noise spreads a dense end, 2.05 σ at that percentile
     end = np.percentile((found - middle) @ direction, _PURE) + 2.05 * _spread(across)
     colour = np.maximum(middle + end * direction, 1e-6)
