@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsfs.camera import AbstractCamera, AbstractCentralCamera
-from jaxsfs.differences import masked_gradient
+from jaxsfs.differences import masked_gradient, masked_slopes
 
 
 class Surface(eqx.Module):
@@ -40,11 +40,11 @@ class Surface(eqx.Module):
         which is smoother), the camera's part is exact.
         """
         safe = jnp.where(self.valid, self.range, 1)
-        smooth = self.valid if self.contours is None else self.valid & ~self.contours
         if isinstance(self.camera, AbstractCentralCamera):
-            slope, ok = masked_gradient(jnp.log(jnp.maximum(safe, 1e-30)), smooth)
-            gradient = safe[..., None] * slope
+            along_u, along_v, ok = self._slopes()
+            gradient = safe[..., None] * jnp.stack([along_u, along_v], axis=-1)
         else:
+            smooth = self.valid if self.contours is None else self.valid & ~self.contours
             gradient, ok = masked_gradient(safe, smooth)
 
         def normal(pixel, distance, slope):
@@ -58,6 +58,20 @@ class Surface(eqx.Module):
 
     @jax.jit
     def cosines(self) -> tuple[Float[Array, "height width"], Bool[Array, "height width"]]:
-        """cos θ between normal and direction to the camera, and where it exists."""
-        normals, ok = self.normals()
-        return -jnp.sum(normals * self.camera.rays(self.range.dtype), axis=-1), ok
+        """cos θ between normal and direction to the camera, and where it exists: 1/√(1 + |∇ ln r|²_g) (eq. 4 over the
+        rays' sphere) for a central camera, the normals' own otherwise."""
+        if not isinstance(self.camera, AbstractCentralCamera):
+            normals, ok = self.normals()
+            return -jnp.sum(normals * self.camera.rays(self.range.dtype), axis=-1), ok
+        along_u, along_v, ok = self._slopes()
+        g = self.camera.inverse_metrics(self.range.dtype)
+        square = g[..., 0, 0] * along_u**2 + 2 * g[..., 0, 1] * along_u * along_v + g[..., 1, 1] * along_v**2
+        return 1 / jnp.sqrt(1 + square), ok
+
+    def _slopes(
+        self,
+    ) -> tuple[Float[Array, "height width"], Float[Array, "height width"], Bool[Array, "height width"]]:
+        """∂ ln r per px along u and v, and where both exist; nothing is differenced across a contour."""
+        safe = jnp.where(self.valid, self.range, 1)
+        smooth = self.valid if self.contours is None else self.valid & ~self.contours
+        return masked_slopes(jnp.log(jnp.maximum(safe, 1e-30)), smooth)

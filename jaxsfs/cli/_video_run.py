@@ -1,10 +1,12 @@
 """What `jaxsfs video` does: one set of settings from a few frames, the store, whoever computes, a summary."""
 
+import contextlib
 import dataclasses
 import json
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +43,11 @@ def run(options: VideoOptions) -> int:
     chosen = options.chosen(frames.count)
     if not chosen:
         raise files.InputError(f"--frames {options.frames} leaves none of the {frames.count} frames")
+    with _workers(options) as client:
+        return _run(options, frames, chosen, client, start)
+
+
+def _run(options: VideoOptions, frames: AbstractFrames, chosen: range, client: Any, start: float) -> int:
     job, attributes, unit = _job(options, frames, chosen)
     frames.close()
     camera = json.loads(job.camera)
@@ -58,7 +65,7 @@ def run(options: VideoOptions) -> int:
     )
     there = int((store.statuses() >= 0).sum())
     try:
-        _compute(options, job, store)
+        _compute(options, job, store, client)
     except KeyboardInterrupt:
         stored = int((store.statuses() >= 0).sum())
         print(
@@ -143,7 +150,29 @@ def _mask(options: VideoOptions, some: list[np.ndarray], response: str) -> tuple
     return mask, Setting(f"{options.mask.name}, {mask.mean():.0%} of the image", COMMAND_LINE)
 
 
-def _compute(options: VideoOptions, job: Job, store: FrameStore) -> None:
+@contextlib.contextmanager
+def _workers(options: VideoOptions) -> Iterator[Any]:
+    """A client of other processes if they are to compute, None otherwise. They start while the job is made."""
+    with contextlib.ExitStack() as stack:
+        client = None
+        if options.scheduler or options.processes:
+            from jaxsfs.video._cluster import workers
+
+            with _named(options):
+                client = stack.enter_context(workers(options.scheduler, options.processes))
+        yield client
+
+
+@contextlib.contextmanager
+def _named(options: VideoOptions) -> Iterator[None]:
+    """Errors of the connection with what it was to."""
+    try:
+        yield
+    except OSError as error:
+        raise CannotRun(f"--scheduler {options.scheduler}: {error}") from None
+
+
+def _compute(options: VideoOptions, job: Job, store: FrameStore, client: Any) -> None:
     from tqdm import tqdm
 
     missing = store.missing()
@@ -156,13 +185,11 @@ def _compute(options: VideoOptions, job: Job, store: FrameStore) -> None:
 
         if not missing:
             return
-        if options.scheduler or options.processes:
+        if client is not None:
             from jaxsfs.video._cluster import run_there
 
-            try:
-                run_there(job, missing, scheduler=options.scheduler, processes=options.processes, done=done)
-            except OSError as error:
-                raise CannotRun(f"--scheduler {options.scheduler}: {error}") from None
+            with _named(options):
+                run_there(client, job, missing, done=done)
         else:
             from jaxsfs.video._threads import run_here
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from jaxsfs.video._job import Job
-from jaxsfs.video._worker import PINS, solve_batch
+from jaxsfs.video._worker import PINS, load, solve_batch
 
 Batch = tuple[int, int]
 
@@ -18,32 +18,36 @@ _TRIES = 4  # of a batch whose worker dies; a batch that kills four workers is i
 _PATIENCE = 20.0  # seconds to find a scheduler
 
 
-def run_there(
-    job: Job,
-    batches: Sequence[Batch],
-    *,
-    scheduler: str | None,
-    processes: int,
-    done: Callable[[Batch, np.ndarray], None],
-) -> None:
-    """Computes and stores `batches` on the workers of `scheduler`, or on `processes` workers here.
+def run_there(client, job: Job, batches: Sequence[Batch], *, done: Callable[[Batch, np.ndarray], None]) -> None:
+    """Computes and stores `batches` on the workers of a `client`.
 
-    Workers read the source and write the store themselves. A batch whose worker dies goes to another one. Raises
-    OSError where no scheduler answers, and what a batch raised.
+    Workers read the source and write the store themselves. A batch whose worker dies goes to another one. Raises what
+    a batch raised.
     """
     from distributed import as_completed
 
+    futures = client.map(
+        solve_batch, *zip(*[(job, *batch) for batch in batches], strict=True), pure=False, retries=_TRIES - 1
+    )
+    try:
+        for future, (start, end, statuses) in as_completed(futures, with_results=True):
+            done((start, end), np.frombuffer(statuses, np.int8))
+            future.release()
+    except BaseException:
+        client.cancel(futures)
+        raise
+
+
+@contextlib.contextmanager
+def workers(scheduler: str | None, processes: int) -> Iterator[Any]:
+    """A client of `scheduler`, or of `processes` workers here, which load the libraries meanwhile.
+
+    Raises OSError where no scheduler answers.
+    """
     with _client(scheduler, processes) as client:
-        futures = client.map(
-            solve_batch, *zip(*[(job, *batch) for batch in batches], strict=True), pure=False, retries=_TRIES - 1
-        )
-        try:
-            for future, (start, end, statuses) in as_completed(futures, with_results=True):
-                done((start, end), np.frombuffer(statuses, np.int8))
-                future.release()
-        except BaseException:
-            client.cancel(futures)
-            raise
+        if processes:
+            client.map(load, range(processes), pure=False)
+        yield client
 
 
 @contextlib.contextmanager

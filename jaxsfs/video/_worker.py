@@ -5,6 +5,7 @@ XLA's own threads share out single operations, which are short here: on busy cor
 Imports neither JAX nor OpenCV, so that `pin_threads` comes first.
 """
 
+import contextlib
 import os
 import sys
 
@@ -32,6 +33,17 @@ def pin_threads() -> None:
     import cv2
 
     cv2.setNumThreads(1)
+
+
+def load(_: int = 0) -> None:
+    """Imports what `solve_batch` needs: as long as a few frames take, and before the first of them is known."""
+    pin_threads()
+    import jaxsfs.files._frames
+    import jaxsfs.files._store
+    import jaxsfs.frames  # noqa: F401
+
+    with contextlib.suppress(ImportError):
+        import zarr  # noqa: F401
 
 
 def solve_batch(job: Job, start: int, end: int) -> tuple[int, int, bytes]:
