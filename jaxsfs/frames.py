@@ -23,7 +23,7 @@ from jaxsfs.status import Statistics, Status, status_of
 
 Stored = Shaped[np.ndarray, "height width *channels"]
 
-_SETTLED = 3e-4  # mean relative change of the last round; the surface is then within 1e-4 of the settled one
+_SETTLED = 1e-3  # mean relative change of the last round; the surface is then within 3e-4 of the settled one
 _SMALL = 170  # px, short side of the picture on which highlights are looked for
 
 _ERRORS = {
@@ -56,7 +56,7 @@ class FrameSettings:
     smooth_px: Scalar = 0.0
     occlusions: Literal["auto", "off"] = "auto"
     rim: Literal["straight", "closed"] = "straight"
-    rounds: int = 4
+    rounds: int = 3
     scale: Literal["locked", "frame"] = "locked"
 
 
