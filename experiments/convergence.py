@@ -9,18 +9,18 @@ with the spherical camera, two of them with the other lenses. The level set, who
 size, stops at 257² (spherical camera only). The figure is log–log, one panel per solver and order, with slopes 1 and 2.
 """
 
-import math
 import sys
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from lenses import lens_seeing
 from near_scenes import HALF_FIELD, near_image
 from tables import main, pyplot, save, write_tables
 from tqdm import tqdm
 
-from jaxsfs import AbstractCamera, Equidistant, Irradiance, KannalaBrandt, Perspective, Spherical, reconstruct
+from jaxsfs import Irradiance, reconstruct
 
 ALL = ("plane", "tilted-plane", "ball", "hollow-ball", "wavy-wall")
 SOME = ("tilted-plane", "ball")
@@ -28,27 +28,10 @@ SIZES = (65, 129, 257, 513, 1025)
 METHODS = tuple((solver, order) for solver in ("sweeping", "level-set") for order in (1, 2))
 
 
-def camera_of(name: str, size: int) -> AbstractCamera:
-    """The lens `name` whose half field of 50° spans `size` pixels."""
-    centre, half = (size - 1) / 2, math.radians(HALF_FIELD)
-    place = {"cx": centre, "cy": centre, "width": size, "height": size}
-    if name == "spherical":
-        return Spherical(f=size / 2 / math.sin(half), **place)
-    if name == "perspective":
-        f = size / 2 / math.tan(half)
-        return Perspective(fx=f, fy=f, **place)
-    f = size / 2 / half
-    if name == "equidistant":
-        return Equidistant(f=f, **place)
-    k = (-0.1, 0.01, 0.0, 0.0)
-    f /= 1 + k[0] * half**2 + k[1] * half**4
-    return KannalaBrandt(fx=f, fy=f, k=k, **place)
-
-
 def error(scene: str, lens: str, solver: str, order: int, size: int) -> float:
     """Mean relative error of range."""
     with jax.enable_x64(True):
-        image = near_image(scene, size, camera_of(lens, size))
+        image = near_image(scene, size, lens_seeing(lens, HALF_FIELD, size, size / 2))
         irradiance = Irradiance(jnp.asarray(image.values), jnp.asarray(image.mask))
         found = reconstruct(irradiance, image.camera, solver=solver, order=order).surface
         relative = np.abs(np.asarray(found.range) / image.truth - 1)

@@ -16,59 +16,22 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from convergence import fitted_order
+from lenses import LENSES, lens_seeing
 from near_scenes import near_image
 from tables import main, write_tables
 from tqdm import tqdm
 
 from data_synth import REPORT_SEEDS, SCENES, observe, scene_from_text
-from jaxsfs import (
-    AbstractCamera,
-    Equidistant,
-    Equisolid,
-    Irradiance,
-    KannalaBrandt,
-    Perspective,
-    Scaramuzza,
-    Spherical,
-    Stereographic,
-    reconstruct,
-)
+from jaxsfs import Irradiance, reconstruct
 
-CORNER = math.radians(50)
+CORNER = 50  # degrees
 SMOOTH = ("plane", "tilted-plane", "ball")
-K = (-0.1, 0.01, 0.0, 0.0)
-LENSES = {
-    "spherical": lambda f, place: Spherical(f=f / math.sin(CORNER), **place),
-    "perspective": lambda f, place: Perspective(fx=f / math.tan(CORNER), fy=f / math.tan(CORNER), **place),
-    "equidistant": lambda f, place: Equidistant(f=f / CORNER, **place),
-    "equisolid": lambda f, place: Equisolid(f=f / (2 * math.sin(CORNER / 2)), **place),
-    "stereographic": lambda f, place: Stereographic(f=f / (2 * math.tan(CORNER / 2)), **place),
-    "kannala-brandt": lambda f, place: _kannala_brandt(f, place),
-    "scaramuzza": lambda f, place: _scaramuzza(f, place),
-}
-
-
-def _kannala_brandt(half_diagonal: float, place: dict) -> KannalaBrandt:
-    f = half_diagonal / (CORNER * (1 + K[0] * CORNER**2 + K[1] * CORNER**4))
-    return KannalaBrandt(fx=f, fy=f, k=K, **place)
-
-
-def _scaramuzza(half_diagonal: float, place: dict) -> Scaramuzza:
-    """z = a₀ + a₂ρ² with 50° at the corner; a₂ < 0 bends the rays outwards, as in real scopes."""
-    edge = half_diagonal / math.tan(CORNER)
-    a0 = 1.2 * edge
-    return Scaramuzza(a=(a0, 0.0, (edge - a0) / half_diagonal**2, 0.0, 0.0), **place)
-
-
-def camera_of(lens: str, size: int) -> AbstractCamera:
-    """The lens that sees 50° at the corners of a square picture."""
-    centre = (size - 1) / 2
-    return LENSES[lens](size / math.sqrt(2), {"cx": centre, "cy": centre, "width": size, "height": size})
 
 
 def error(scene: str, lens: str, size: int, dtype=jnp.float64, order: int = 2) -> float:
     """Mean relative error of range over the whole picture."""
-    camera = camera_of(lens, size)
+    camera = lens_seeing(lens, CORNER, size, size / math.sqrt(2))
     with jax.enable_x64(True):
         view = observe(SCENES[scene](), camera)
         truth = np.asarray(view.surface.range)
@@ -80,7 +43,7 @@ def error(scene: str, lens: str, size: int, dtype=jnp.float64, order: int = 2) -
 def corner_row(scene: str, lens: str, sizes: tuple[int, int, int]) -> dict[str, str]:
     """Errors and their order."""
     found = [error(scene, lens, size) for size in sizes]
-    order = -np.polyfit(np.log(np.asarray(sizes) - 1), np.log(found), 1)[0]
+    order = fitted_order(sizes, found)
     single = error(scene, lens, sizes[1], jnp.float32)
     columns = {f"{size}²": f"{value:.2e}" for size, value in zip(sizes, found, strict=True)}
     return {"scene": scene, "lens": lens} | columns | {"order": f"{order:.2f}", f"float32 {sizes[1]}²": f"{single:.2e}"}

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import measure
 import numpy as np
+from near_light import NORMAL
 from stereographic import square_camera
 
 from jaxsfs.reflectance import Lambertian
@@ -17,8 +18,7 @@ LARGEST_JACOBI = 256  # px: its work grows with the cube of the size, on a CPU i
 def rows(size: int, repetitions: int) -> list[dict]:
     """A tilted plane, 50° at the corners."""
     camera = square_camera(size)
-    normal = np.array([0.25, -0.15, 1.0]) / np.linalg.norm([0.25, -0.15, 1.0])
-    cosine = np.asarray(camera.rays(), float) @ normal
+    cosine = np.asarray(camera.rays(), float) @ NORMAL
     values = jnp.asarray(cosine**3, jnp.float32)
     metric = camera.inverse_metrics(np.dtype(np.float32))
     inside, known = jnp.ones((size, size), bool), jnp.full((size, size), jnp.inf, jnp.float32)
