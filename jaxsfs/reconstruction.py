@@ -276,8 +276,7 @@ def _mirrored(shading: AbstractShading, concave: bool) -> AbstractShading:
 
 def _misfit_map(surface: Surface, irradiance: Irradiance, albedo, reflectance, light) -> Float[np.ndarray, "_ _"]:
     # one mask, made here: within the program XLA would make it anew for each neighbour that is read
-    smooth = surface.valid if surface.contours is None else surface.valid & ~surface.contours
-    whole = Surface(surface.camera, surface.range, smooth)
+    whole = Surface(surface.camera, surface.range, surface.smooth())
     misfit, ok = _misfit(whole, irradiance, albedo, reflectance, light == "distant")
     return np.where(np.asarray(ok), np.asarray(misfit), np.nan)
 

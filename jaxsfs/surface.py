@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsfs.camera import AbstractCamera, AbstractCentralCamera
-from jaxsfs.differences import masked_gradient, masked_slopes
+from jaxsfs.differences import masked_slopes
 
 
 class Surface(eqx.Module):
@@ -40,12 +40,10 @@ class Surface(eqx.Module):
         which is smoother), the camera's part is exact.
         """
         safe = jnp.where(self.valid, self.range, 1)
+        along_u, along_v, ok = self._slopes()
+        gradient = jnp.stack([along_u, along_v], axis=-1)
         if isinstance(self.camera, AbstractCentralCamera):
-            along_u, along_v, ok = self._slopes()
-            gradient = safe[..., None] * jnp.stack([along_u, along_v], axis=-1)
-        else:
-            smooth = self.valid if self.contours is None else self.valid & ~self.contours
-            gradient, ok = masked_gradient(safe, smooth)
+            gradient = safe[..., None] * gradient
 
         def normal(pixel, distance, slope):
             along_pixel, along_ray = jax.jacfwd(self.camera.point, argnums=(0, 1))(pixel, distance)
@@ -68,10 +66,16 @@ class Surface(eqx.Module):
         square = g[..., 0, 0] * along_u**2 + 2 * g[..., 0, 1] * along_u * along_v + g[..., 1, 1] * along_v**2
         return 1 / jnp.sqrt(1 + square), ok
 
+    def smooth(self) -> Bool[Array, "height width"]:
+        """Pixels of the surface that are no occluding contour."""
+        return self.valid if self.contours is None else self.valid & ~self.contours
+
     def _slopes(
         self,
     ) -> tuple[Float[Array, "height width"], Float[Array, "height width"], Bool[Array, "height width"]]:
-        """∂ ln r per px along u and v, and where both exist; nothing is differenced across a contour."""
-        safe = jnp.where(self.valid, self.range, 1)
-        smooth = self.valid if self.contours is None else self.valid & ~self.contours
-        return masked_slopes(jnp.log(jnp.maximum(safe, 1e-30)), smooth)
+        """∂ per px along u and v of ln r (for a central camera; of r otherwise), and where both exist; nothing is
+        differenced across a contour."""
+        field = jnp.where(self.valid, self.range, 1)
+        if isinstance(self.camera, AbstractCentralCamera):
+            field = jnp.log(jnp.maximum(field, 1e-30))
+        return masked_slopes(field, self.smooth())
