@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 
 from jaxsfs.specular._detection import grown, outshines, touching
 from jaxsfs.specular._dichromatic import Vector
-from jaxsfs.specular._local import blur_among, local_ratio, regions
+from jaxsfs.specular._local import blur_among, local_ratio, regions, spread
 
 Colours = Float[np.ndarray, "height width 3"]
 Grey = Float[np.ndarray, "height width"]
@@ -72,8 +72,7 @@ def _paler(paleness: Grey, seen: Mask, saturated: Mask) -> Mask:
     for part in np.split(order, np.cumsum(np.bincount(label, minlength=count))[:-1]):
         if len(part) >= _FEWEST:
             values = paleness[seen][part]
-            spread = 1.4826 * np.median(np.abs(values - np.median(values))) / np.sqrt(len(part))
-            keep[label[part[0]]] = np.median(values) > max(_PALE, 3 * spread)
+            keep[label[part[0]]] = np.median(values) > max(_PALE, 3 * spread(values) / np.sqrt(len(part)))
     return keep[labels] & saturated
 
 

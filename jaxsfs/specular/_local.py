@@ -89,3 +89,8 @@ def spread_from(values: Grey, known: Mask) -> Grey:
         missing &= ~reached
         sigma *= 2
     return result
+
+
+def spread(values: Float[np.ndarray, "_"]) -> float:
+    """σ of `values` by 1.4826 times the median absolute deviation."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))

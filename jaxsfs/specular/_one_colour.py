@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsfs.specular._dichromatic import LUMINANCE, Vector
-from jaxsfs.specular._local import blur_among
+from jaxsfs.specular._local import blur_among, spread
 
 _BLUR = 2.0  # px, σ: of the noise a seventh is left
 _DARKEST = 0.15  # share of the bright end of the luminance below which chromaticities are noise
@@ -41,7 +41,7 @@ def one_body_colour(
     along, across = ((found - middle) @ axes[:, i] for i in (2, 1))
     towards = interface / interface.sum() - middle
     cosine = float(axes[:, 2] @ towards) / max(float(np.linalg.norm(towards)), 1e-12)
-    planar = _spread(across) < _PLANAR and np.percentile(np.abs(across), 95) < _PLANAR_TAIL
+    planar = spread(across) < _PLANAR and np.percentile(np.abs(across), 95) < _PLANAR_TAIL
     if not planar:
         return None
     direction = np.sign(cosine) * axes[:, 2]
@@ -50,10 +50,6 @@ def one_body_colour(
     elif abs(cosine) < np.cos(np.deg2rad(_DIRECTION)):
         return None
     # noise spreads a dense end, 2.05 σ at that percentile
-    end = np.percentile((found - middle) @ direction, _PURE) + 2.05 * _spread(across)
+    end = np.percentile((found - middle) @ direction, _PURE) + 2.05 * spread(across)
     colour = np.maximum(middle + end * direction, 1e-6)
     return colour / (LUMINANCE @ colour)
-
-
-def _spread(values: Float[np.ndarray, "_"]) -> float:
-    return 1.4826 * float(np.median(np.abs(values - np.median(values))))

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from jaxsfs.specular._colour import body_colour, interface_colour, noise_covariance
 from jaxsfs.specular._detection import Thresholds, grown, highlights_by_colour, spots_by_colour
 from jaxsfs.specular._dichromatic import LUMINANCE, WHITE, Vector, body_strength, interface_free_vector, saturation
-from jaxsfs.specular._local import blur_among, local_ratio, noise_by_level
+from jaxsfs.specular._local import blur_among, local_ratio, noise_by_level, spread
 from jaxsfs.specular._one_colour import one_body_colour
 
 Colours = Float[np.ndarray, "height width 3"]
@@ -144,10 +144,10 @@ def _highlights(luminance: Grey, excess: Grey, data: Mask) -> tuple[Mask, bool]:
     noise = noise_by_level(excess, luminance, data)
     lit = data & (luminance > 0.05 * np.percentile(luminance[data], 95))
     share = (blur_among(excess, data, 1.5) / np.maximum(luminance, 1e-6))[lit]
-    spread = 1.4826 * float(np.median(np.abs(share - np.median(share)))) if share.size else 0.0
+    unevenness = spread(share) if share.size else 0.0
     size = 2 * round(0.5 * _SPOT * min(data.shape)) + 1
-    spots = spots_by_colour(luminance, excess, noise, data, size, float(np.clip(4 * spread, 0.33, 0.55)))
-    if spread > _EVEN:
+    spots = spots_by_colour(luminance, excess, noise, data, size, float(np.clip(4 * unevenness, 0.33, 0.55)))
+    if unevenness > _EVEN:
         return spots, True
-    adapted = Thresholds(8.0, max(0.06, 5 * spread), 3.0, max(0.015, 2 * spread))
+    adapted = Thresholds(8.0, max(0.06, 5 * unevenness), 3.0, max(0.015, 2 * unevenness))
     return spots | highlights_by_colour(luminance, excess, noise, data, adapted), False
