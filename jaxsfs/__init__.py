@@ -55,6 +55,7 @@ _HOME = {
     "jaxsfs.photometry": (
         "AbstractFalloff",
         "AbstractResponse",
+        "CosineExponentialFalloff",
         "CosineFalloff",
         "ExponentialFalloff",
         "GammaResponse",
@@ -192,6 +193,7 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.photometry import (
         AbstractFalloff as AbstractFalloff,
         AbstractResponse as AbstractResponse,
+        CosineExponentialFalloff as CosineExponentialFalloff,
         CosineFalloff as CosineFalloff,
         ExponentialFalloff as ExponentialFalloff,
         GammaResponse as GammaResponse,

@@ -13,7 +13,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsfs.forms import Scalar, power, require
-from jaxsfs.photometry import AbstractFalloff, CosineFalloff, ExponentialFalloff, NoFalloff, parse_falloff
+from jaxsfs.photometry import (
+    AbstractFalloff,
+    CosineExponentialFalloff,
+    CosineFalloff,
+    ExponentialFalloff,
+    NoFalloff,
+    parse_falloff,
+)
 from jaxsfs.reflectance import AbstractReflectance, Lambertian, Power
 
 Triple = tuple[Scalar, Scalar, Scalar]
@@ -111,7 +118,7 @@ def shade_lights(
 
 def lights_from_dict(description: Mapping[str, Any]) -> Lights:
     """The lights of a description: {"unit": "mm", "lights": [{"position": [x, y, z], "power": 1, "direction":
-    [0, 0, 1], "spread": "cos:1"}, …]}; power, direction and spread (none, cos:MU, exp:MU) may be left out.
+    [0, 0, 1], "spread": "cos:1"}, …]}; power, direction and spread (a `parse_falloff` text) may be left out.
 
     Raises ValueError that names the light and the key that is wrong.
     """
@@ -181,7 +188,11 @@ def _spread_text(spread: AbstractFalloff) -> str:
         return f"exp:{float(spread.mu)!r}"
     if isinstance(spread, NoFalloff):
         return "none"
-    raise ValueError(f"a light's spread of type {type(spread).__name__} cannot be written; use none, cos:MU or exp:MU")
+    if isinstance(spread, CosineExponentialFalloff):
+        return f"cosexp:{float(spread.a)!r},{float(spread.b)!r}"
+    raise ValueError(
+        f"a light's spread of type {type(spread).__name__} cannot be written; use none, cos:MU, exp:MU or cosexp:A,B"
+    )
 
 
 def _vector(parts: Triple, like: Float[Array, "*shape 3"]) -> Float[Array, "*shape 3"]:

@@ -95,6 +95,20 @@ class ExponentialFalloff(AbstractFalloff):
         return jnp.exp(-self.mu * (1 - cos_alpha))
 
 
+class CosineExponentialFalloff(AbstractFalloff):
+    """V = cos^a α · exp(−b (1 − cos α)), for α < 90°; 0 beyond. Near the axis V = 1 − (a + b) α²/2.
+
+    Raised to a power and multiplied by a power of cos α it stays of this form, so that it draws the light on white
+    paper seen square-on by any power-law response, whichever γ is assumed.
+    """
+
+    a: Scalar
+    b: Scalar
+
+    def __call__(self, cos_alpha: FloatImage) -> FloatImage:
+        return power(cos_alpha, self.a) * jnp.exp(-self.b * (1 - cos_alpha))
+
+
 def parse_response(text: str) -> AbstractResponse:
     """`srgb`, `linear` or `gamma:G` as a response."""
     forms = {"srgb": (SRGBResponse, ()), "linear": (LinearResponse, ()), "gamma": (GammaResponse, ("G",))}
@@ -102,6 +116,11 @@ def parse_response(text: str) -> AbstractResponse:
 
 
 def parse_falloff(text: str) -> AbstractFalloff:
-    """`none`, `cos:MU` or `exp:MU` as a fall-off."""
-    forms = {"none": (NoFalloff, ()), "cos": (CosineFalloff, ("MU",)), "exp": (ExponentialFalloff, ("MU",))}
+    """`none`, `cos:MU`, `exp:MU` or `cosexp:A,B` as a fall-off."""
+    forms = {
+        "none": (NoFalloff, ()),
+        "cos": (CosineFalloff, ("MU",)),
+        "exp": (ExponentialFalloff, ("MU",)),
+        "cosexp": (CosineExponentialFalloff, ("A", "B")),
+    }
     return parse_form("falloff", text, forms)

@@ -11,6 +11,7 @@ import pytest
 from data_synth.target_patterns import BlankSheet, Rings
 from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_dots, calibrate_white, tilted
+from jaxsfs.calibration._white_fit import Cells, compare_models
 from jaxsfs.camera import Spherical
 from jaxsfs.photo import irradiance_of, parse_channel
 from jaxsfs.photometry import (
@@ -98,6 +99,24 @@ def test_one_square_photograph_fixes_the_product_and_says_so():
     seen = found.gain_albedo / 24.0**2 * COSINES**3 * curve(found.falloff)
     stored = np.asarray(parse_response(found.response).encode(jnp.asarray(seen)))
     assert np.allclose(stored, truth, atol=0.02)
+
+
+@pytest.mark.parametrize("response", ["gamma", "srgb"])
+def test_where_the_response_is_held_two_terms_draw_how_stored_values_fall(response):
+    # γ 1.7 seen as 2.2: no fall-off of one parameter is exact
+    cosine = np.cos(np.radians(np.linspace(0, 75, 400)))
+    stored = (0.8 * cosine**3 * np.exp(-2.0 * (1 - cosine))) ** (1 / 1.7)
+    cells = Cells(stored[:, None], 3 * np.log(cosine), cosine, np.ones(1), np.zeros(400, int))
+    found = compare_models(cells, 2.2 if response == "gamma" else None, "srgb")
+    assert found.how == ("given" if response == "gamma" else "held")
+    assert found.chosen.model.falloff == "cosexp"
+    a, b = found.chosen.parameters[1:3]
+    assert (a, b) == pytest.approx((3 * (2.2 / 1.7 - 1), 2.0 * 2.2 / 1.7), rel=1e-3)
+    assert found.chosen.mu == pytest.approx(a + b)
+    assert found.chosen.falloff_text == f"cosexp:{a:.5g},{b:.5g}"
+    assert np.allclose(found.chosen.predicted(cells.geometry, cosine), stored, rtol=1e-4)
+    simple = min(row.rms for row in found.ranked if row.model.falloff != "cosexp")
+    assert simple > 0.003
 
 
 def test_a_given_gamma_is_held():

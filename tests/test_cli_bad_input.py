@@ -250,6 +250,7 @@ class TestOptions:
             (["--response", "srbg"], "--response: response 'srbg' is unknown; write one of: srgb, linear, gamma:G"),
             (["--response", "gamma:-1"], "--response: a response's gamma must be positive, got -1"),
             (["--falloff", "cos"], "--falloff: falloff 'cos' needs 1 finite number(s)"),
+            (["--falloff", "cosexp:1"], "needs 2 finite number(s); write one of: none, cos:MU, exp:MU, cosexp:A,B"),
             (["--reflectance", "oren-nayar:0.9"], "--reflectance: Oren-Nayar roughness must lie in [0, 0.622]"),
             (["--channel", "grey"], "--channel: channel 'grey' is unknown"),
             (["--channel", "0,0,0"], "--channel: channel '0,0,0' needs three weights"),

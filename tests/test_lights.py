@@ -11,7 +11,7 @@ from data_synth import HollowBall, Plane, default_camera, observe
 from jaxsfs.camera import Orthographic
 from jaxsfs.files import InputError, read_lights, write_json
 from jaxsfs.lights import Light, Lights, lights_from_dict, lights_to_dict, reflected, shade_lights
-from jaxsfs.photometry import CosineFalloff, ExponentialFalloff, NoFalloff
+from jaxsfs.photometry import CosineExponentialFalloff, CosineFalloff, ExponentialFalloff, NoFalloff
 from jaxsfs.reflectance import Lambertian, OrenNayar, Power
 from jaxsfs.rendering import render, render_lights
 from jaxsfs.surface import Surface
@@ -121,6 +121,7 @@ def test_file_round_trip(tmp_path):
         (
             Light((3.5, 0.0, -0.5), 2.0, (0.1, 0.0, 1.0), CosineFalloff(1.5)),
             Light((-3.5, 0.25, 0.0), spread=ExponentialFalloff(2.77)),
+            Light((0.0, -3.0, 0.0), spread=CosineExponentialFalloff(-0.5, 2.5)),
             Light((0.0, 3.0, 0.0), spread=NoFalloff()),
         )
     )

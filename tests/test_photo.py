@@ -8,6 +8,7 @@ from jaxsfs.camera import Orthographic, Perspective, Spherical
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.photo import automatic_response, clipping_limit, irradiance_of, parse_channel
 from jaxsfs.photometry import (
+    CosineExponentialFalloff,
     CosineFalloff,
     ExponentialFalloff,
     GammaResponse,
@@ -30,8 +31,11 @@ def smooth_irradiance(size) -> Irradiance:
     return Irradiance(jnp.asarray(0.2 + 0.1 * np.sin(u / 7) * np.cos(v / 5)), jnp.ones((height, width), bool))
 
 
+FALLOFFS = [NoFalloff(), CosineFalloff(1.6), ExponentialFalloff(2.77), CosineExponentialFalloff(-0.5, 2.5)]
+
+
 @pytest.mark.parametrize("response", [SRGBResponse(), GammaResponse(2.2), LINEAR])
-@pytest.mark.parametrize("falloff", [NoFalloff(), CosineFalloff(1.6), ExponentialFalloff(2.77)])
+@pytest.mark.parametrize("falloff", FALLOFFS)
 def test_undoes_what_a_photograph_does(response, falloff):
     given = smooth_irradiance((30, 40))
     stored = np.asarray(photograph(given, camera(), response=response, falloff=falloff, gain=1.3))

@@ -44,11 +44,11 @@ class WhiteCalibration:
     """Response, fall-off and gain·ρ of a camera with its light.
 
     `response` and `falloff` as the camera file writes them. `gamma` of the best pure power law with its 1σ, None
-    where it was given or held. `mu` of the fall-off, 1σ. `gain_albedo` in mm² at relative exposure 1,
-    None where every photograph has its own gain (automatic exposure). `product`:
-    (3 + μ)/γ of a power law, which one square view fixes. `separated`: whether response and fall-off were told apart.
-    `rms` in stored values (full scale 1). `alpha_deg`, `measured`: the fall-off itself, by the chosen response,
-    in bins of 5°. `models`: the pairs tried, best first. `note`: what a user should know.
+    where it was given or held. `mu` of the fall-off (a + b of its two-term form: V starts as 1 − μ α²/2), 1σ.
+    `gain_albedo` in mm² at relative exposure 1, None where every photograph has its own gain (automatic exposure).
+    `product`: (3 + μ)/γ of a power law, which one square view fixes. `separated`: whether response and fall-off were
+    told apart. `rms` in stored values (full scale 1). `alpha_deg`, `measured`: the fall-off itself, by the chosen
+    response, in bins of 5°. `models`: the pairs tried, best first. `note`: what a user should know.
     """
 
     response: str
@@ -91,9 +91,10 @@ def calibrate_white(
     """Response, fall-off and gain·ρ from white Lambertian paper at `poses` (mm), one per photograph.
 
     Minimises the stored values' misfit over cells of bare paper; ink, glare, clipped values and the field's rim are
-    left out. Tried: the sRGB curve, linear and stored = light^(1/γ), each with V = cos^μ α and exp(−μ(1 − cos α));
-    the smallest BIC wins. `gamma` holds γ. `exposures`: relative, one per photograph; without them all share one gain,
-    unless a gain for each photograph is decisively better (automatic exposure): then gain·ρ stays unknown.
+    left out. Tried: the sRGB curve, linear and stored = light^(1/γ), each with V = cos^μ α, exp(−μ(1 − cos α))
+    and cos^a α · exp(−b(1 − cos α)); the smallest BIC wins. `gamma` holds γ. `exposures`: relative, one per photograph;
+    without them all share one gain, unless a gain for each photograph is decisively better (automatic exposure): then
+    gain·ρ stays unknown.
     Where response and fall-off are not told apart the response is held: sRGB or γ = 2.2 for 8 bit, linear otherwise.
     Of colour images, all channels share the response, and `channel` (as `parse_channel` reads it) is weighted in
     linear light.
@@ -123,9 +124,9 @@ def calibrate_white(
         gamma=fits.power_law.gamma if fits.separated else None,
         gamma_sd=fits.gamma_sd if fits.separated else None,
         mu=best.mu,
-        mu_sd=best.sd("mu"),
+        mu_sd=best.mu_sd,
         gain_albedo=None if len(best.gains) else best.gain,
-        gain_albedo_sd=None if len(best.gains) else best.gain * best.sd("ln_gain"),
+        gain_albedo_sd=None if len(best.gains) else best.gain_sd,
         product=fits.power_law.product(),
         product_sd=fits.power_law.product_sd(),
         separated=fits.separated,

@@ -38,7 +38,7 @@ class RenderOptions:
     # The tone curve of the photograph.
     response: Annotated[str | None, value("srgb|linear|gamma:G", default="srgb")] = None
     # Light and vignetting over the angle from the optical axis.
-    falloff: Annotated[str | None, value("none|cos:MU|exp:MU", default="none")] = None
+    falloff: Annotated[str | None, value("none|cos:MU|exp:MU|cosexp:A,B", default="none")] = None
     # lambertian, power:A, oren-nayar:SIGMA, phong:K,N or blinn-phong:K,N.
     reflectance: Annotated[str | None, value("FORM", default="lambertian")] = None
     # Strength of the highlights.

@@ -35,8 +35,11 @@ class VideoOptions:
     scale: Literal["locked", "frame"] = "locked"
     # The camera's tone curve; auto: srgb for 8 bit, linear for 16 bit and float.
     response: Annotated[str | None, value("auto|srgb|linear|gamma:G", default="the camera file's, else auto")] = None
-    # Light and vignetting over the angle a from the optical axis: cos^MU a, or exp(-MU (1 - cos a)).
-    falloff: Annotated[str | None, value("none|cos:MU|exp:MU", default="the camera file's, else none")] = None
+    # Light and vignetting over the angle a from the optical axis: cos^MU a, exp(-MU (1 - cos a)),
+    # or cos^A a exp(-B (1 - cos a)).
+    falloff: Annotated[str | None, value("none|cos:MU|exp:MU|cosexp:A,B", default="the camera file's, else none")] = (
+        None
+    )
     # lambertian, power:A, oren-nayar:SIGMA, phong:K,N or blinn-phong:K,N.
     reflectance: Annotated[str | None, value("FORM", default="the camera file's, else lambertian")] = None
     # Which light is used; R,G,B are weights.

@@ -38,7 +38,8 @@ def white_summary(found: WhiteCalibration) -> list[str]:
 
 
 def _rows(found: WhiteCalibration) -> list[tuple[str, str]]:
-    rows = [("response", found.response), ("fall-off", f"{found.falloff} ± {found.mu_sd:.2g}")]
+    both = f"{found.falloff}, a + b = {found.mu:.3g}" if found.falloff.startswith("cosexp") else found.falloff
+    rows = [("response", found.response), ("fall-off", f"{both} ± {found.mu_sd:.2g}")]
     if found.gamma is not None and found.gamma_sd is not None:
         rows.append(("gamma of a pure power law", f"{found.gamma:.4g} ± {found.gamma_sd:.2g}"))
     gain = "not known"
