@@ -18,6 +18,7 @@ def irradiance_of_stored(
     specular: Method = "auto",
     channel: str = "luminance",
     blood: float = 0.0,
+    shrink: int | None = None,
 ) -> Irradiance:
     """`stored`: 8-bit values over 255; smoothed by the noise found in it, highlights and clipping dealt with."""
     return prepare(
@@ -30,4 +31,5 @@ def irradiance_of_stored(
         specular=specular,
         smooth_px=smoothing_for(noise_level(stored, valid)),
         blood=blood,
+        shrink=shrink,
     ).irradiance

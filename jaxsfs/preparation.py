@@ -17,9 +17,18 @@ from jaxsfs.forms import Scalar
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.photo import PhotoReport, Weights, irradiance_of
 from jaxsfs.photometry import AbstractFalloff, AbstractResponse, LinearResponse
-from jaxsfs.specular import HighlightRemoval, Method, SpecularReport, remove_highlights, restore_clipped, untouched
+from jaxsfs.specular import (
+    HighlightRemoval,
+    Method,
+    SpecularReport,
+    lost_edges,
+    remove_highlights,
+    restore_clipped,
+    untouched,
+)
 
 _MOST_FILLED = 0.6  # of the usable pixels; beyond, a fill would be most of the picture
+_RIM = 0.25  # share of a block that must be usable
 _ENOUGH = 400_000  # pixels to find highlights in: of 1280 × 960 px, half the size leaves no larger errors
 
 
@@ -85,7 +94,8 @@ def prepare(
     if shrink == 1 or not readable:
         body = _body(stored, weights, limit, method, interface)
     else:
-        body = _enlarged(_body(_shrunk(stored, shrink), weights, limit, method, interface), stored, weights)
+        read = _shrunk(stored, shrink)
+        body = _enlarged(_body(read, weights, limit, method, interface), read, stored, weights)
     values = body.values
     if blood:
         values = _without_blood(values, body.linear, float(blood))
@@ -137,41 +147,68 @@ def _body(stored: _Stored, weights: Weights, limit: float, method: Method, inter
 
 
 def _shrunk(stored: _Stored, shrink: int) -> _Stored:
-    """The picture at 1/shrink of its size: means of blocks that are usable as a whole."""
+    """The picture at 1/shrink of its size: means of the usable pixels of blocks."""
     height, width = stored.usable.shape
     size = (max(1, width // shrink), max(1, height // shrink))
 
     def means(x):
         return cv2.resize(x.astype(np.float32), size, interpolation=cv2.INTER_AREA)
 
-    usable = means(stored.usable) > 0.99
-    if not (usable & (means(stored.counted) == 0)).any():
+    share = means(stored.usable)
+    usable = share > _RIM
+    counted, clipped = (means(x & _like(stored.usable, x)) > 0 for x in (stored.counted, stored.clipped))
+    if not (usable & ~counted).any():
         return stored
-    return _Stored(means(stored.linear), usable, means(stored.clipped) > 0, means(stored.counted) > 0)
+    total = means(np.where(_like(stored.usable, stored.linear), stored.linear, 0))
+    linear = np.where(_like(usable, total), total / _like(np.maximum(share, _RIM), total), 0)
+    return _Stored(linear, usable, clipped, counted)
 
 
-def _enlarged(small: _Body, stored: _Stored, weights: Weights) -> _Body:
-    """`small` at full size where it changed anything, the picture itself elsewhere."""
+def _enlarged(small: _Body, read: _Stored, stored: _Stored, weights: Weights) -> _Body:
+    """`small`, found in what was `read`, at full size where it changed anything, the picture itself elsewhere."""
     height, width = stored.usable.shape
+    # the field's rim is in blocks that are hardly usable: they are what is beside them
+    beside = cv2.dilate(read.usable.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool) & ~read.usable
 
     def large(mask):
+        mask = mask | (beside & cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool))
         return (cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0) & stored.usable
 
     def smooth(values):
-        return cv2.resize(values.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+        values = values.astype(np.float32)
+        spread = cv2.blur(np.where(_like(read.usable, values), values, 0), (3, 3))
+        share = cv2.blur(read.usable.astype(np.float32), (3, 3))
+        values = np.where(_like(beside, values), spread / _like(np.maximum(share, 1e-3), values), values)
+        return cv2.resize(values, (width, height), interpolation=cv2.INTER_LINEAR)
 
     highlights, measured, filled = large(small.highlights), large(small.measured), large(small.filled)
     changed = highlights | measured | filled
     linear = stored.linear
     grey = linear if linear.ndim == 2 else linear @ np.asarray(weights, linear.dtype)
-    values = np.where(changed, smooth(small.values), grey)
-    linear = np.where(changed if linear.ndim == 2 else changed[..., None], smooth(small.linear), linear)
+    edges = np.exp(_edges(small, stored, highlights & ~filled))
+    values = np.where(changed, smooth(small.values) * edges, grey)
+    body = smooth(small.linear) * _like(edges, linear)
+    linear = np.where(_like(changed, linear), body, linear)
     unknown = (large(small.unknown) & changed) | (stored.counted & stored.usable & ~changed)
     area = unknown.size / small.unknown.size
     counts = int(highlights.sum()), int((stored.counted & stored.usable).sum())
     guessed = (round(area * small.report.filled), round(area * small.report.unknown))
     report = eqx.tree_at(lambda r: (r.highlights, r.saturated, r.filled, r.unknown), small.report, counts + guessed)
     return _Body(values, linear, unknown, highlights, measured, filled, report)
+
+
+def _edges(small: _Body, stored: _Stored, where) -> Float[np.ndarray, "height width"]:
+    """ln of what the smaller picture has blurred of the body under highlights, where colour shows the body."""
+    report = small.report
+    if report.method != "adaptive" or report.body_colour is None or not where.any():
+        return np.zeros(where.shape, np.float32)
+    shrink = round((where.size / small.unknown.size) ** 0.5)
+    body, interface = (np.asarray(colour, float) for colour in (report.body_colour, report.interface_colour))
+    return lost_edges(stored.linear, stored.usable & ~stored.counted, where, body, interface, shrink)
+
+
+def _like(mask, picture):
+    return mask if picture.ndim == 2 else mask[..., None]
 
 
 def _restored(removal: HighlightRemoval, clipped, usable, weights: Weights, limit: float):

@@ -1,5 +1,6 @@
 """Photographs with highlights and clipping: what is known of them afterwards, against the renderer's truth."""
 
+import cv2
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -105,7 +106,7 @@ def test_a_pixel_whose_other_channels_have_another_colour_is_not_measured_by_the
     clipped[10:20, 10:20, 0] = clipped[25:30, 25:30, 0] = True
     linear[clipped] = 1.0
     linear[25:30, 25:30, 1:] = (0.3, 0.9)  # bluish: no body of this picture
-    unknown = clipped.any(axis=-1)
+    unknown = np.asarray(clipped.any(axis=-1))
     found = restore_clipped(linear, unknown, clipped, np.ones((40, 40), bool), WEIGHTS, 1.0)
     assert found.measured[10:20, 10:20].all()
     assert found.filled[25:30, 25:30].all()
@@ -156,6 +157,17 @@ def test_highlights_on_a_smaller_picture_cost_little(name):
     untouched = ~(small.highlights | small.filled | small.measured) & np.asarray(off.irradiance.valid)
     values = [np.asarray(x.irradiance.values)[untouched] for x in (small, off)]
     np.testing.assert_allclose(values[0], values[1], rtol=1e-6)
-    # 80 x 60 px are few to look for highlights on: with 160 x 120 px the difference is 3e-4
-    assert abs_rel(view, small.irradiance) < abs_rel(view, whole.irradiance) + 0.004
+    # 80 x 60 px are few to look for highlights on
+    assert abs_rel(view, small.irradiance) < abs_rel(view, whole.irradiance) + 0.005
     assert abs_rel(view, small.irradiance) < 0.2 * abs_rel(view, off.irradiance)
+
+
+def test_a_veil_is_taken_off_up_to_the_rim_on_a_smaller_picture():
+    """Blocks on the rim of the field are only in part usable: what was left in there was a false bright ring."""
+    view, photo = seen("random:19", shine=0.5)
+    found = prepared(view, photo, shrink=2).irradiance
+    valid = np.asarray(view.surface.valid & found.valid)
+    wrong = np.log(np.asarray(found.values)[valid] / np.asarray(view.irradiance.values)[valid])
+    rim = ~cv2.erode(valid.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0).astype(bool)[valid]
+    assert np.abs(wrong - np.median(wrong))[rim].mean() < 0.05  # 0.22 with the veil left in there
+    assert abs_rel(view, found) < 0.02  # 0.14

@@ -24,4 +24,5 @@ from jaxsfs.specular._removal import (
     remove_highlights as remove_highlights,
     untouched as untouched,
 )
+from jaxsfs.specular._sharpened import lost_edges as lost_edges
 from jaxsfs.specular._split import ESTIMATED as ESTIMATED

@@ -9,7 +9,7 @@ from jaxsfs.specular._local import blur_among, spread
 
 _BLUR = 2.0  # px, σ: of the noise a seventh is left
 _DARKEST = 0.15  # share of the bright end of the luminance below which chromaticities are noise
-_FEWEST = 1000  # pixels
+_FEWEST = 400  # pixels
 _PLANAR, _PLANAR_TAIL = 0.002, 0.006  # spread across the line in chromaticity, 1σ and 95th percentile
 _LONG = 3.0  # times that: spread along the line
 _DIRECTION = 2.0  # degrees between the line and that towards the interface's colour
