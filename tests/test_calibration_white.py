@@ -1,5 +1,6 @@
 """White paper: synthetic photographs with known response, fall-off and gain, and a real one of a colonoscope."""
 
+import dataclasses
 import itertools
 
 import cv2
@@ -11,6 +12,7 @@ import pytest
 from data_synth.target_patterns import BlankSheet, Rings
 from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_dots, calibrate_white, tilted
+from jaxsfs.calibration._paper import paper_view
 from jaxsfs.calibration._white_fit import Cells, compare_models
 from jaxsfs.camera import Spherical
 from jaxsfs.photo import irradiance_of, parse_channel
@@ -178,6 +180,21 @@ def test_bad_arguments_are_refused(more, match):
     arguments = {"images": [np.full((480, 640), 128, np.uint8)], "camera": CAMERA, "poses": [SQUARE]} | more
     with pytest.raises(ValueError, match=match):
         calibrate_white(**arguments)
+
+
+def test_lines_that_blur_turned_pale_are_no_paper():
+    # far out a ring is a shade of 5 % in dim light: taken for paper, it darkens the fall-off there
+    pose, blurred = tilted(0.0, 0.0, 14.0), dataclasses.replace(GAMMA, blur=2.0)
+    [image] = shots(blurred, pose, gains=(0.5 * 14.0**2,))
+
+    def paper_value(geometry, cosine):
+        return (0.5 * 14.0**2 * np.exp(geometry) * cosine**1.2) ** (1 / 2.2)
+
+    stored, geometry, cosine = paper_view(image, CAMERA, pose, 1.0, "photograph").chosen_by(paper_value).cells()
+    outer = cosine < np.cos(np.radians(50))
+    assert outer.sum() > 80
+    off = stored[outer, 0] / paper_value(geometry[outer], cosine[outer]) - 1
+    assert np.min(off) > -0.05  # noise of a cell 0.01
 
 
 def test_too_little_paper_is_refused():

@@ -13,11 +13,14 @@ from scipy import ndimage
 from jaxsfs.calibration._field import Photograph, photograph_from
 from jaxsfs.calibration._plane import PlanePose
 from jaxsfs.camera import AbstractCentralCamera
+from jaxsfs.noise import noise_level
 from jaxsfs.photometry import LinearResponse
 
 _DARKEST, _BRIGHTEST = 0.06, 0.97  # stored values between which noise and clipping leave the mean alone
 _LEAST_CELLS = 100
 _INK = 0.85  # of the paper's stored value
+_SMOOTH = 1.5  # px
+_UNEVEN = 0.02  # of the stored value: paper alone
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +64,7 @@ class PaperView:
         predicted[seen] = np.maximum(paper_value(self.geometry[seen], self.cosine[seen]), 1e-6)
         smooth = ndimage.gaussian_filter(self.photo.grey, 1.0)
         scale = np.median((smooth / predicted)[self.bare])  # of grey against the channel that was fitted
-        ink = smooth < _INK * scale * predicted
+        ink = (smooth < _INK * scale * predicted) | _fine_print(self.photo, scale * predicted)
         return dataclasses.replace(self, bare=_bare(self.photo, self.stored, ink) & seen)
 
 
@@ -106,10 +109,24 @@ def _bare(photo: Photograph, stored, ink: Bool[np.ndarray, "height width"]) -> B
     return photo.usable & clear & np.logical_not(glare) & (stored.min(axis=2) > _DARKEST) & (brightest < _BRIGHTEST)
 
 
+def _fine_print(photo: Photograph, paper: Float[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """Clearly darker than about, more than noise and than an uneven sheet: lines far out, which blur turns pale.
+
+    `paper`: the predicted stored value, which flattens the light.
+    """
+    flat = ndimage.gaussian_filter(photo.grey / np.maximum(paper, _DARKEST), _SMOOTH)
+    noise = noise_level(photo.grey, photo.usable) / (2 * np.sqrt(np.pi) * _SMOOTH) / np.maximum(paper, _DARKEST)
+    return flat < _ceiling(flat, photo.size) * (1 - np.minimum(_UNEVEN + 3 * noise, 1 - _INK))
+
+
 def _darker_than_about(photo: Photograph) -> Bool[np.ndarray, "height width"]:
     """Darker than 80 % of a high percentile of the surroundings."""
-    size = max(21, photo.size[0] // 16) | 1
     smooth = ndimage.gaussian_filter(photo.grey, 1.0)
-    ceiling = ndimage.gaussian_filter(ndimage.percentile_filter(smooth[::4, ::4], 80, size // 4), 1.0)
-    ceiling = ceiling.repeat(4, axis=0).repeat(4, axis=1)[: photo.size[1], : photo.size[0]]
-    return smooth < 0.8 * ceiling
+    return smooth < 0.8 * _ceiling(smooth, photo.size)
+
+
+def _ceiling(smooth: Float[np.ndarray, "height width"], size: tuple[int, int]) -> Float[np.ndarray, "height width"]:
+    """A high percentile of the surroundings."""
+    reach = max(21, size[0] // 16) | 1
+    ceiling = ndimage.gaussian_filter(ndimage.percentile_filter(smooth[::4, ::4], 80, reach // 4), 1.0)
+    return ceiling.repeat(4, axis=0).repeat(4, axis=1)[: size[1], : size[0]]
