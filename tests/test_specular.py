@@ -196,3 +196,19 @@ def test_tissue_of_several_colours_has_no_veil():
     blood = 0.5 + 0.5 * np.sin(v / 9) * np.sin(u / 13)
     linear = noisy(0.4 * np.asarray(TISSUE) * np.exp(-0.5 * blood[..., None] * np.array([0.13, 1.0, 0.95])))
     assert not remove_highlights(linear).highlights.any()
+
+
+def test_small_glints_that_clip_tell_the_colour_of_their_light():
+    """Too few pixels have flanks: what they add to the body around tells; their cores are none of the body's."""
+    light = np.array([0.85, 1.0, 0.8])
+    body = shading()[..., None] * TISSUE
+    centres = [(v, u) for v in (20, 48, 75) for u in (20, 52, 84, 110)]
+    glints = sum(spot(peak=3.0, sigma=1.2, centre=c)[..., None] for c in centres)
+    linear = noisy(body + glints * light).clip(0, 1)
+    found = remove_highlights(linear, saturated=(linear > 0.99).any(-1))
+    assert found.report.interface_origin == "estimated from the highlights"
+    ratio = np.array(found.report.interface_colour) / light
+    np.testing.assert_allclose(ratio / ratio.mean(), 1, atol=0.08)  # white would be off by 0.15
+    assert all(found.highlights[centre] for centre in centres)
+    wrong = np.abs(np.log(found.values @ LUMINANCE) - np.log(body @ LUMINANCE))
+    assert wrong[found.highlights].mean() < 0.03

@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxsfs.specular._dichromatic import LUMINANCE, Vector
+from jaxsfs.specular._dichromatic import LUMINANCE, WHITE, Vector
+from jaxsfs.specular._local import spread_from
 
 Picture = Float[np.ndarray, "height width 3"]
 Grey = Float[np.ndarray, "height width"]
@@ -12,6 +13,8 @@ Mask = Bool[np.ndarray, "height width"]
 
 _DARKEST = 0.1  # share of the bright end of the luminance below which colours are noise
 _FEWEST = 40  # pixels that a colour is estimated from
+_FEWEST_SMALL = 20  # the same on highlights of a few pixels each
+_PARALLEL = 0.05  # sine of an angle between colours below which they span no plane
 # What endoscopes' light sources and white balances leave: no channel below a quarter of the strongest.
 _MOST_TINTED = 0.25
 
@@ -51,6 +54,36 @@ def interface_colour(linear: Picture, excess: Grey, sample: Mask) -> Vector | No
     if colour.min() < _MOST_TINTED * colour.max():
         return None
     return 3 * colour / colour.sum()
+
+
+def added_colour(linear: Picture, sample: Mask, plain: Mask, body: Vector) -> Vector | None:
+    """k_s, its mean channel 1, from what the pixels of `sample` have over the `plain` ones near by; or None.
+
+    For highlights of a few pixels, which have no flank to measure slopes on. Highlights lie where the body is bright,
+    so k_d of `body` is in what they add (`whitest_between`).
+    """
+    if sample.sum() < _FEWEST_SMALL or not plain.any():
+        return None
+    around = [spread_from(np.ascontiguousarray(linear[..., c]), plain)[sample] for c in range(3)]
+    added = linear[sample].astype(np.float64) - np.stack(around, axis=-1)
+    total = np.maximum(added.sum(axis=1), 0)
+    if not (total > 0).any():
+        return None
+    colour = np.array([weighted_median(added[:, c] / np.maximum(total, 1e-9), total) for c in range(3)])
+    return None if colour.min() < _MOST_TINTED * colour.max() else whitest_between(body, colour)
+
+
+def whitest_between(body: Vector, colour: Vector) -> Vector | None:
+    """The whitest colour in the plane of k_d and `colour`, its mean channel 1; None where they span none.
+
+    Where the body brightens under its highlights, what they add is k_s and a multiple of k_d.
+    """
+    normal = np.cross(body / np.linalg.norm(body), colour / max(float(np.linalg.norm(colour)), 1e-12))
+    if not np.linalg.norm(normal) > _PARALLEL:
+        return None
+    normal = normal / np.linalg.norm(normal)
+    white = WHITE - (WHITE @ normal) * normal
+    return 3 * white / white.sum() if white.min() >= _MOST_TINTED * white.max() else None
 
 
 def _gradients(image: Grey, sample: Mask) -> Float[np.ndarray, "2 count"]:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxsfs.specular._colour import body_colour, interface_colour, noise_covariance
+from jaxsfs.specular._colour import added_colour, body_colour, interface_colour, noise_covariance, whitest_between
 from jaxsfs.specular._detection import Thresholds, grown, highlights_by_colour, spots_by_colour
 from jaxsfs.specular._dichromatic import LUMINANCE, WHITE, Vector, body_strength, interface_free_vector, saturation
 from jaxsfs.specular._local import blur_among, local_ratio, noise_by_level, spread
@@ -25,6 +25,7 @@ _ROUNDS = 4
 _FAR = 6  # times the neighbourhood in the first round
 _MARGIN = 3  # px round highlights that are no sample of the body
 _STRONG = 0.3  # interface over body in the pixels that show the interface colour
+_TINTED = 0.05  # difference from white, in a channel, above what estimates of a white light vary by
 _EVEN = 0.03  # spread of excess over luminance up to which tissue counts as even in colour
 _SURE_OF_COLOUR = Thresholds(8.0, 0.03, 2.0, 0.005)  # where one body colour explains the picture
 _SPOT = 0.12  # size of spots that stand out from uneven tissue, share of the short side
@@ -67,11 +68,17 @@ def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -
     origin = "given" if interface is not None else "white, by default"
     single = one_body_colour(linear, data & sample, k_s)
     if single is not None:
-        return _split_by(linear, data, single, k_s, covariance)._replace(interface_origin=origin)
+        found = _split_by(linear, data, single, k_s, covariance)
+        estimate = _highlight_colour(linear, found, data, sample) if interface is None else None
+        estimate = None if estimate is None else whitest_between(single, estimate)
+        if estimate is None or np.abs(estimate - k_s).max() < _TINTED:
+            return found._replace(interface_origin=origin)
+        again = one_body_colour(linear, data & sample, estimate)
+        found = _split_by(linear, data, single if again is None else again, estimate, covariance)
+        return found._replace(interface_origin=ESTIMATED)
     found = _split_with(linear, data, k_d, k_s, covariance, sample)
     for _ in range(2 if interface is None else 0):
-        strong = data & sample & grown(found.highlights & (found.excess > _STRONG * np.maximum(found.body, 1e-6)), 1)
-        estimate = interface_colour(linear, found.excess, strong & ~grown(~data, 2))
+        estimate = _highlight_colour(linear, found, data, sample)
         if estimate is None or saturation(k_d, estimate) < GREYEST:
             break
         found = _split_with(linear, data, k_d, estimate, covariance, sample, found.highlights, _ROUNDS // 2)
@@ -80,6 +87,16 @@ def split(linear: Colours, data: Mask, interface: Vector | None, sample: Mask) -
         single = one_body_colour(linear, data & sample, found.interface_colour)
         found = found if single is None else _split_by(linear, data, single, found.interface_colour, covariance)
     return found._replace(interface_origin=origin)
+
+
+def _highlight_colour(linear: Colours, found: Split, data: Mask, sample: Mask) -> Vector | None:
+    """k_s by the flanks of the highlights, or where they have none by what they add."""
+    strong = data & sample & grown(found.highlights & (found.excess > _STRONG * np.maximum(found.body, 1e-6)), 1)
+    estimate = interface_colour(linear, found.excess, strong & ~grown(~data, 2))
+    if estimate is not None:
+        return estimate
+    plain = data & ~grown(found.highlights | ~data, _MARGIN)
+    return added_colour(linear, strong, plain, found.body_colour)
 
 
 def _split_by(linear: Colours, data: Mask, k_d: Vector, k_s: Vector, covariance) -> Split:
