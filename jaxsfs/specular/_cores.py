@@ -31,7 +31,6 @@ def highlight_cores(
     # a near wall outshines what it hides, and its clipped channel makes it look pale: the other two tell
     body = seen & (blur_among(paleness.astype(np.float32), seen, 1.5) < _PALE)
     body |= _enclosed(saturated & ~seen, seen, body)
-    body &= ~_pale_rimmed(saturated, usable, excess > _PALE * luminance)
     whiter = saturated & ~body & (excess > 0.15 * luminance)  # a body that saturates keeps its colour for longer
     bright = outshines(luminance, whiter, usable, 1.5)
     return bright | touching(saturated, highlights, 3) | _paler(paleness, seen, saturated)
@@ -44,15 +43,6 @@ def _enclosed(parts: Mask, seen: Mask, body: Mask) -> Mask:
     rim = seen & (wide > 0)
     share = np.bincount(wide[rim], body[rim], count) / np.maximum(np.bincount(wide[rim], minlength=count), 1)
     return parts & (share > 0.5)[labels]
-
-
-def _pale_rimmed(saturated: Mask, usable: Mask, pale: Mask) -> Mask:
-    """The regions that mostly pale pixels surround, as under light in which the open channels keep the body's ratio."""
-    count, labels = regions(saturated)
-    wide = cv2.dilate(labels.astype(np.float32), np.ones((5, 5), np.uint8)).astype(np.int64)
-    rim = usable & ~saturated & (wide > 0)
-    share = np.bincount(wide[rim], pale[rim], count) / np.maximum(np.bincount(wide[rim], minlength=count), 1)
-    return saturated & (share > 0.5)[labels]
 
 
 def _paleness(linear: Colours, saturated: Mask, usable: Mask, interface: Vector) -> tuple[Grey, Mask]:
