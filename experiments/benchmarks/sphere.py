@@ -1,9 +1,11 @@
-"""Given speed on the sphere of rays of a wide-angle camera, second order, from a circle: in pixels by the sweeps, and
-by scikit-fmm on a stereographic grid of as many points, with resampling both ways.
+"""Given speed on the sphere of rays of a wide-angle camera, second order, from a circle: in pixels by the sweeps, by
+HFM's Riemannian solver where it is installed, and by scikit-fmm on a stereographic grid of as many points, with
+resampling both ways.
 
 θ is the angle from an oblique direction; T = (θ − θ₀)(1 + 0.3 (θ − θ₀)), so F = 1/(1 + 0.6 (θ − θ₀)).
 """
 
+import hfm
 import jax
 import jax.numpy as jnp
 import measure
@@ -44,8 +46,7 @@ def rows(size: int, repetitions: int) -> list[dict]:
         or measure.Program(
             "scikit-fmm, order 2", _resampled(skfmm, stereographic(camera, rays), speed), error, note="resampled"
         ),
-        measure.peer("agd", "HFM Riemannian")[1]
-        or measure.Missing("HFM Riemannian", "skipped: its solver is not wired"),
+        hfm.riemannian(metric, speed, known, error),
     ]
     return measure.compare("sphere metric, second order", size, programs, repetitions)
 
