@@ -175,8 +175,8 @@ def run(
     for seed in tqdm(seeds, desc="draws", file=sys.stderr):
         known = {row: draw for row in rows if store and (draw := store.get(row, seed))}
         draws += known.values()
-        if seed > seeds[0] and time.perf_counter() - began > budget:
-            report(f"no new draws after {seed - seeds[0]} a row: {max(budget, 0):.0f} s are spent")
+        if budget >= 0 and seed > seeds[0] and time.perf_counter() - began > budget:
+            report(f"no new draws after {seed - seeds[0]} a row: {budget:.0f} s are spent")
             budget = -1.0
         if budget < 0:
             continue

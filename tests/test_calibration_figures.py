@@ -58,6 +58,9 @@ def test_a_table_is_made_in_pieces(figures, tmp_path, monkeypatch):
     assert made == [(row, seed) for seed in range(3) for row in rows]
     assert len(again) == 6
     assert len(figures.run(rows, range(9), -1.0, print, figures.Store(path))) == 6
+    said = []
+    assert len(figures.run(rows, range(9), 0.0, said.append, figures.Store(path))) == 6
+    assert said == ["no new draws after 1 a row: 0 s are spent"]
 
 
 def test_draws_of_another_source_are_not_used(figures, tmp_path, monkeypatch):

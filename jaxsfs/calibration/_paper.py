@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 
+import cv2
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,6 @@ from scipy import ndimage
 from jaxsfs.calibration._field import Photograph, photograph_from
 from jaxsfs.calibration._plane import PlanePose
 from jaxsfs.camera import AbstractCentralCamera
-from jaxsfs.noise import noise_level
 from jaxsfs.photometry import LinearResponse
 
 _DARKEST, _BRIGHTEST = 0.06, 0.97  # stored values between which noise and clipping leave the mean alone
@@ -21,6 +21,8 @@ _LEAST_CELLS = 100
 _INK = 0.85  # of the paper's stored value
 _SMOOTH = 1.5  # px
 _UNEVEN = 0.02  # of the stored value: paper alone
+_WIDEST = 21  # px: wider print is dark enough to be found by its value
+_GRAINS = 2.5  # of the median depth: Gaussian noise reaches it once in some 10⁴ px
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,23 +112,22 @@ def _bare(photo: Photograph, stored, ink: Bool[np.ndarray, "height width"]) -> B
 
 
 def _fine_print(photo: Photograph, paper: Float[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """Clearly darker than about, more than noise and than an uneven sheet: lines far out, which blur turns pale.
+    """Dark lines deeper than the grain of picture and paper: far out and blurred they are pale.
 
-    `paper`: the predicted stored value, which flattens the light.
+    `paper`: the predicted stored value, which flattens the light. A line's depth is what a closing fills; grain is even
+    in stored values, and most of the sheet is bare.
     """
-    flat = ndimage.gaussian_filter(photo.grey / np.maximum(paper, _DARKEST), _SMOOTH)
-    noise = noise_level(photo.grey, photo.usable) / (2 * np.sqrt(np.pi) * _SMOOTH) / np.maximum(paper, _DARKEST)
-    return flat < _ceiling(flat, photo.size) * (1 - np.minimum(_UNEVEN + 3 * noise, 1 - _INK))
+    paper = np.maximum(paper, _DARKEST)
+    flat = ndimage.gaussian_filter(photo.grey / paper, _SMOOTH).astype(np.float32)
+    depth = cv2.morphologyEx(flat, cv2.MORPH_CLOSE, np.ones((_WIDEST, _WIDEST), np.uint8)) - flat
+    grain = float(np.median((depth * paper)[photo.usable])) if photo.usable.any() else 0.0
+    return depth > np.minimum(_UNEVEN + _GRAINS * grain / paper, 1 - _INK)
 
 
 def _darker_than_about(photo: Photograph) -> Bool[np.ndarray, "height width"]:
     """Darker than 80 % of a high percentile of the surroundings."""
+    size = max(21, photo.size[0] // 16) | 1
     smooth = ndimage.gaussian_filter(photo.grey, 1.0)
-    return smooth < 0.8 * _ceiling(smooth, photo.size)
-
-
-def _ceiling(smooth: Float[np.ndarray, "height width"], size: tuple[int, int]) -> Float[np.ndarray, "height width"]:
-    """A high percentile of the surroundings."""
-    reach = max(21, size[0] // 16) | 1
-    ceiling = ndimage.gaussian_filter(ndimage.percentile_filter(smooth[::4, ::4], 80, reach // 4), 1.0)
-    return ceiling.repeat(4, axis=0).repeat(4, axis=1)[: size[1], : size[0]]
+    ceiling = ndimage.gaussian_filter(ndimage.percentile_filter(smooth[::4, ::4], 80, size // 4), 1.0)
+    ceiling = ceiling.repeat(4, axis=0).repeat(4, axis=1)[: photo.size[1], : photo.size[0]]
+    return smooth < 0.8 * ceiling
