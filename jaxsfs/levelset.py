@@ -58,7 +58,7 @@ def propagate(
     inside = inside & carried
     stencil = _Stencil(weights, inside, offsets, order)
     crossing = jnp.sqrt(jnp.sum(weights, axis=0))
-    lengths = jnp.where(inside[None], _ring_lengths(inverse_metric), _FAR)
+    half_lengths = 0.5 * jnp.where(inside[None], _ring_lengths(inverse_metric), _FAR)
     due = jnp.where(inside, jnp.minimum(jnp.minimum(shading.deadline(), known), end + _FAR), end + _FAR)
 
     def step(state, n):
@@ -70,7 +70,7 @@ def propagate(
 
         def delay(w, s):
             """−∂(φ − s)/∂s: how fast the expected arrival w = s − φ is put off."""
-            return 1 - jnp.minimum(shading.speed(w), cap) * stencil.gradient(s - w)
+            return 1 - jnp.minimum(shading.speed(w), cap) * stencil.gradient(w)
 
         first = delay(w, s)
         new = w + ds * first
@@ -78,7 +78,7 @@ def propagate(
             new = w + 0.5 * ds * (first + delay(jnp.minimum(new, due), s + ds))
         # without a deadline a pixel has no expected arrival until a straight path gives it one
         expected = jnp.where(w < end + 0.5 * _FAR, jnp.minimum(new, due), w)
-        new = _between(expected, w, due, 1 / shading.speed(w), inside, lengths)
+        new = _between(expected, w, due, 1 / shading.speed(w), inside, half_lengths)
         w = jnp.where(waiting, new, w)
         return (w, reached | (waiting & (w <= s + ds)), s + ds), jnp.any(waiting)
 
@@ -104,17 +104,16 @@ def _step_length(speed, crossing, waiting, w, s, end, n, steps):
     return jnp.where(jnp.any(waiting), jnp.maximum(wanted, least), 0)
 
 
-def _between(new, w, due, slowness, inside, lengths):
+def _between(new, w, due, slowness, inside, half_lengths):
     """`new` within what causality allows: not before the earliest of the eight neighbours (unless the pixel is a
     source itself), and no later than along a straight path from any of them."""
-    times = jnp.pad(jnp.where(inside, w, 2 * _FAR), 1, constant_values=2 * _FAR)
-    slow = jnp.pad(slowness, 1)
+    times, slow = _padded(w, inside, 1), jnp.pad(slowness, 1)
     earliest, latest = due, new
-    for (du, dv), length in zip(_RING, jnp.concatenate([lengths, lengths]), strict=True):
-        time = _window(times, 1, (du, dv), w.shape)
-        mean = 0.5 * (slowness + _window(slow, 1, (du, dv), w.shape))
+    for n, offset in enumerate(_RING):
+        time = _window(times, 1, offset, w.shape)
+        path = half_lengths[n % 4] * (slowness + _window(slow, 1, offset, w.shape))
         earliest = jnp.minimum(earliest, time)
-        latest = jnp.minimum(latest, time + length * mean)
+        latest = jnp.minimum(latest, time + path)
     return jnp.maximum(latest, earliest)
 
 
@@ -133,31 +132,35 @@ class _Stencil(eqx.Module):
     offsets: tuple[Offset, ...] = eqx.field(static=True)
     order: int = eqx.field(static=True)
 
-    def gradient(self, phi: Image) -> Image:
-        """√(Σ_k λ_k max(0, D₊, D₋)²), D± the one-sided differences towards larger φ: monotone in φ."""
+    def gradient(self, w: Image) -> Image:
+        """√(Σ_k λ_k max(0, D₊, D₋)²), D± the one-sided differences of φ = s − w towards larger φ: monotone in φ."""
         reach = max(max(abs(du), abs(dv)) for du, dv in self.offsets) * self.order
-        # a pixel without data lies far ahead of the front, so it never is upwind
-        field = jnp.pad(jnp.where(self.inside, phi, -2 * _FAR), reach, constant_values=-2 * _FAR)
-        total = jnp.zeros_like(phi)
+        field = _padded(w, self.inside, reach)
+        total = jnp.zeros_like(w)
         for (du, dv), weight in zip(self.offsets, self.weights, strict=True):
-            ahead = _one_sided(field, reach, (du, dv), phi.shape, self.order)
-            behind = _one_sided(field, reach, (-du, -dv), phi.shape, self.order)
+            ahead = _one_sided(field, reach, (du, dv), w.shape, self.order)
+            behind = _one_sided(field, reach, (-du, -dv), w.shape, self.order)
             total += weight * jnp.maximum(jnp.maximum(ahead, behind), 0) ** 2
         return jnp.sqrt(total)
 
 
 def _one_sided(field, reach, offset, shape, order):
-    """φ(x + e) − φ(x), or its ENO2 form with the smaller of two second differences."""
+    """w(x) − w(x + e), or its ENO2 form with the smaller of two second differences."""
     du, dv = offset
     here, there = _window(field, reach, (0, 0), shape), _window(field, reach, offset, shape)
-    first = there - here
+    first = here - there
     if order == 1:
         return first
     beyond, back = _window(field, reach, (2 * du, 2 * dv), shape), _window(field, reach, (-du, -dv), shape)
-    at_here, at_there = first - here + back, beyond - there - first
+    at_here, at_there = first + here - back, there - beyond - first
     smaller = jnp.where(jnp.abs(at_here) < jnp.abs(at_there), at_here, at_there)
-    smooth = (beyond > -_FAR) & (back > -_FAR) & (at_here * at_there > 0)
+    smooth = (beyond < 0.5 * _FAR) & (back < 0.5 * _FAR) & (at_here * at_there > 0)
     return first - 0.5 * jnp.where(smooth, smaller, 0)
+
+
+def _padded(w, inside, reach):
+    """w with `reach` pixels round it; a pixel without data comes later than any front, so it never is upwind."""
+    return jnp.pad(jnp.where(inside, w, 2 * _FAR), reach, constant_values=2 * _FAR)
 
 
 def _window(field, reach, offset, shape):

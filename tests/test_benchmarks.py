@@ -4,6 +4,7 @@ import csv
 from pathlib import Path
 
 import jax
+import numpy as np
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "experiments" / "benchmarks"
@@ -23,6 +24,19 @@ def test_numpy_peer_runs_the_same_front(level_set_step, scene):
     difference, apart = level_set_step.largest_difference(problem, 210)  # as --quick: compiled once for both tests
     assert difference < 1e-5
     assert apart == 0
+
+
+@pytest.mark.slow
+def test_numba_peer_runs_the_same_front(level_set_step):
+    pytest.importorskip("numba", reason="needs the extra bench")
+    import level_set_numba
+
+    size = 64
+    problem = level_set_step.Problem("wavy-wall", size)
+    peer = level_set_numba.program(problem)(4 * size)[1:-1, 1:-1]
+    ours, reached = problem.jax(1000)
+    there = reached & np.asarray(problem.inside)
+    assert np.abs(peer - ours)[there].mean() < 1e-3  # its steps are all of one length
 
 
 def test_level_set_benchmark_prints_its_table(level_set_step, monkeypatch, capsys):
