@@ -10,6 +10,7 @@ from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_circles, tilted
 from jaxsfs.calibration._eq20 import estimators
 from jaxsfs.calibration._guards import check_possible
+from jaxsfs.calibration.circles import _not_found
 from jaxsfs.camera import Equisolid, Spherical
 
 RADII = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
@@ -148,9 +149,18 @@ def test_cameras_that_cannot_be_are_refused(one_view, column, value, match):
 
 
 @pytest.mark.slow
-def test_radii_beyond_the_picture_change_nothing(one_view):
+def test_radii_beyond_the_picture_change_nothing_and_are_named(one_view):
     more = calibrate_circles([rings(tilted(6.0, 40.0, 22.0, (1.0, 0.5)))], (*RADII, 35.0, 40.0, 45.0, 50.0))
     assert more.camera.f == pytest.approx(one_view.camera.f, abs=2 * one_view.f_sd)
+    assert "50 mm were not found: they lie beyond the picture" in more.notes[0]
+
+
+def test_rings_that_were_not_found_are_named_with_the_likely_cause(one_view):
+    assert one_view.notes == ()
+    seen = one_view.fit.setup.observations.target[:, 0]
+    beyond, within = _not_found(one_view.fit, seen, (*RADII, 31.0, 3000.0), [np.ones((480, 640), bool)])
+    assert "radius 3000 mm were not found: they lie beyond the picture" in beyond
+    assert "radius 31 mm were not found, though" in within
 
 
 def test_no_target_is_refused():

@@ -54,7 +54,8 @@ class Calibration:
 
     `fit` of the chosen model; `covariance` of all its parameters (the larger of the fit's own and cross-validation's,
     plus what all observations may share); `comparison` of the models; `views`; `rejected` photographs (index,
-    reason); `warnings`, plain sentences; `extras`, figures special to the target.
+    reason); `warnings`, plain sentences; `extras`, figures special to the target; `notes`, sentences on what is there
+    that call for nothing.
     """
 
     target: str
@@ -65,6 +66,7 @@ class Calibration:
     rejected: list[tuple[int, str]]
     warnings: list[str]
     extras: dict[str, Any]
+    notes: tuple[str, ...] = ()
 
     @property
     def camera(self) -> AbstractCentralCamera:
@@ -125,6 +127,7 @@ class Calibration:
             "photographs": [view.row() for view in self.views],
             "rejected": [{"photograph": index + 1, "reason": reason} for index, reason in self.rejected],
             "warnings": self.warnings,
+            "notes": list(self.notes),
             "uncertainty": {
                 "parameters": list(names),
                 "covariance": self.covariance[:LENS_SIZE, :LENS_SIZE].tolist(),

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxsfs.calibration._lens import LENS_SIZE, lens_named, rays
 from jaxsfs.calibration._plane import points_on_plane, rotate
@@ -69,6 +69,18 @@ def target_centre(name: str, lens: Float[np.ndarray, "8"], view: Float[np.ndarra
         move = np.linalg.lstsq(seen.slope[0], goal - seen.ray[0], rcond=None)[0]
         pixel = pixel + np.clip(move, -100.0, 100.0)
     return pixel
+
+
+def outermost_seen(
+    name: str,
+    parameters: Float[np.ndarray, " size"],
+    view: Float[np.ndarray, "6"],
+    field: Bool[np.ndarray, "height width"],
+) -> float:
+    """The largest distance in mm from the target's centre that the lit `field` of a photograph shows."""
+    lit = np.argwhere(field)[:, ::-1].astype(float)
+    sample = lit[np.linspace(0, len(lit) - 1, RAYS * _GRID).astype(int)]  # one compiled shape with `ring_images`
+    return float(np.max(_paper_radius(name, parameters[:LENS_SIZE], view, sample.reshape(RAYS, _GRID, 2))))
 
 
 def _paper_radius(name: str, lens, view, pixels: Float[np.ndarray, "rays grid 2"]) -> Float[np.ndarray, "rays grid"]:

@@ -13,7 +13,7 @@ from jaxsfs.calibration._guards import check_height, check_radii, check_same_siz
 from jaxsfs.calibration._lens import LENS_SIZE, lens_named
 from jaxsfs.calibration._problem import VIEWS_AT
 from jaxsfs.calibration._result import Calibration, ViewResult, pose_figures, total_covariance
-from jaxsfs.calibration._ring_images import target_centre
+from jaxsfs.calibration._ring_images import outermost_seen, target_centre
 from jaxsfs.calibration._ring_setup import RingPriors, ring_setup, with_precision, with_shifts
 from jaxsfs.calibration._ring_view import RingView, view_rings
 from jaxsfs.photometry import AbstractResponse
@@ -64,7 +64,31 @@ def calibrate_circles(
     warnings = warnings_of(found, covariance, results, scores, height, height_tolerance, field)
     style = views[kept[0]].style
     extras = {"style": style, "line_width_mm": float(found.parameters[LENS_SIZE]), "radii_mm": printed.tolist()}
-    return Calibration("circles", found, covariance, scores, results, rejected, warnings, extras)
+    notes = _not_found(found, setup.observations.target[:, 0], printed, [photos[index].field for index in kept])
+    return Calibration("circles", found, covariance, scores, results, rejected, warnings, extras, notes)
+
+
+def _not_found(found: Fit, seen: Float[np.ndarray, " count"], printed, fields) -> tuple[str, ...]:
+    """Which of the rings given are in no photograph, and whether they could be."""
+    used = np.unique(seen[found.weight > 0])
+    missing = [radius for radius in printed if np.min(np.abs(used - radius)) > 1e-6 * radius]
+    if not missing:
+        return ()
+    reach = max(outermost_seen(found.name, found.parameters, found.view(i), field) for i, field in enumerate(fields))
+    beyond = [f"{radius:g}" for radius in missing if radius > reach]
+    within = [f"{radius:g}" for radius in missing if radius <= reach]
+    notes = []
+    if beyond:
+        notes.append(
+            f"Rings of radius {' '.join(beyond)} mm were not found: they lie beyond the picture or its lit part, which "
+            f"ends at {reach:.3g} mm. They change nothing."
+        )
+    if within:
+        notes.append(
+            f"Rings of radius {' '.join(within)} mm were not found, though the picture reaches as far as {reach:.3g} "
+            "mm: they are hidden, too faint, or not on this sheet."
+        )
+    return tuple(notes)
 
 
 def _all_views(photos: list[Photograph], priors: RingPriors) -> tuple[dict[int, RingView], list[tuple[int, str]]]:

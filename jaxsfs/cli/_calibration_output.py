@@ -75,7 +75,7 @@ def _summary(found: Calibration, given: Photographs, out: Path) -> str:
     lines += [f"  {given.names[index]}: left out: {reason}" for index, reason in found.rejected]
     best = ", ".join(f"{score.name} {score.rms:.3f}" for score in found.comparison[:4])
     lines.append(f"models by BIC, rms in px: {best}, …")
-    lines.append(f"wrote {out} and {report_path(out)}")
+    lines += [*found.notes, f"wrote {out} and {report_path(out)}"]
     return "\n".join(lines)
 
 

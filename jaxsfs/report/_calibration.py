@@ -25,6 +25,7 @@ def calibration_page(
     call them, `made_by` what to record (command, versions)."""
     figures_of, seen = found.figures(), observations(found)
     parts = [paragraph(found.verdict, "verdict"), *(paragraph(text, "warning") for text in found.warnings)]
+    parts += [paragraph(text) for text in found.notes]
     parts += [heading("Camera"), table(_camera_rows(figures_of)), heading("Photographs"), *_photographs(found, names)]
     for view, result in enumerate(found.views):
         caption = f"{names[result.photograph]}: observations and residuals (seen minus fitted)"

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from jaxsfs.calibration import Calibration, Observations
 from jaxsfs.calibration._fit import Fit, rays_of
 
+_NEARLY_FLAT = 89.0  # degrees: tan α beyond says nothing
 _PREVIEW = 480  # px: width of the rectified preview
 _SHOWN = 880  # px: width of the pictures of photographs
 _ARROW_PX = 0.04  # of the image width: length of the 95th-percentile residual in the picture
@@ -92,19 +93,46 @@ def coverage_and_uncertainty(found: Calibration, seen: Observations) -> Figure:
 
 
 def models(found: Calibration, seen: Observations) -> Figure:
-    """Image radius against angle of the lens models that fit at all, as a difference from the chosen one."""
+    """Image radius against angle of the lens models that fit at all, as a difference from the chosen one.
+
+    Lines stay straight whatever factor tan α has, and models that fit them alike may differ by one: there each
+    model's factor is the one that brings its curve nearest.
+    """
+    by_lines = "straightness" in found.extras
     reach = float(np.percentile(seen.alpha_deg[seen.used], 99.5))
     angle = np.linspace(0, reach, 60)
     figure = Figure(figsize=(8, 3.4), layout="constrained")
     axes = figure.subplots()
     own = _radii(found.fit, angle)
     for score in (score for score in found.comparison if score.rms < 5 * found.fit.rms + 0.5):
-        axes.plot(angle, _radii(score.fit, angle) - own, label=f"{score.name} ({score.rms:.3f} px)")
+        radii = _radii_by_lines(score.fit, angle, own) if by_lines else _radii(score.fit, angle)
+        axes.plot(angle, radii - own, label=f"{score.name} ({score.rms:.3f} px)")
     axes.set(xlabel="angle from the axis / degrees", ylabel=f"r − r of {found.fit.name} / px")
+    if by_lines:
+        axes.set_title("but for a factor on tan α, which lines leave free", fontsize="medium")
     spread = 4 * found.fit.rms + 1.0
     axes.set_ylim(-spread, spread)
     axes.legend(fontsize="x-small", ncols=3)
     return figure
+
+
+def _radii_by_lines(
+    fitted: Fit, angle_deg: Float[np.ndarray, " n"], nearest_to: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Image radius in px at the angles, tan α times the factor that brings the radii nearest to the given ones."""
+    tangent = np.tan(np.radians(np.minimum(angle_deg, _NEARLY_FLAT)))
+
+    def radii(log_factor: float) -> Float[np.ndarray, " n"]:
+        return _radii(fitted, np.degrees(np.arctan(np.exp(log_factor) * tangent)))
+
+    def distance(log_factor: float) -> float:
+        return float(np.sum((radii(log_factor) - nearest_to) ** 2))
+
+    best, reach = 0.0, 1.5
+    for _ in range(4):
+        best = min(np.linspace(best - reach, best + reach, 31).tolist(), key=distance)
+        reach /= 15
+    return radii(best)
 
 
 def _radii(fitted: Fit, angle_deg: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
