@@ -62,6 +62,11 @@ def propagate(
     due = jnp.where(inside, jnp.minimum(jnp.minimum(shading.deadline(), known), end + _FAR), end + _FAR)
 
     def step(state, n):
+        # once no pixel waits, a step costs nothing
+        busy = jnp.any(inside & ~state[1])
+        return jax.lax.cond(busy, advanced, lambda state, n: state, state, n), busy
+
+    def advanced(state, n):
         w, reached, s = state
         waiting = inside & ~reached
         ds = _step_length(shading.speed(w), crossing, waiting, w, s, end, n, steps)
@@ -80,7 +85,7 @@ def propagate(
         expected = jnp.where(w < end + 0.5 * _FAR, jnp.minimum(new, due), w)
         new = _between(expected, w, due, 1 / shading.speed(w), inside, half_lengths)
         w = jnp.where(waiting, new, w)
-        return (w, reached | (waiting & (w <= s + ds)), s + ds), jnp.any(waiting)
+        return w, reached | (waiting & (w <= s + ds)), s + ds
 
     state = (due, jnp.zeros_like(inside), start)
     (w, reached, _), busy = jax.lax.scan(step, state, jnp.arange(steps))
@@ -101,7 +106,7 @@ def _step_length(speed, crossing, waiting, w, s, end, n, steps):
     wanted = jnp.minimum(_CFL / jnp.maximum(fastest, 1e-6), event)
     left, share = (steps - n).astype(s.dtype), jnp.maximum(n.astype(s.dtype) / steps, 0.1)
     least = jnp.where(n == steps - 1, 1, share / left) * (end - s)
-    return jnp.where(jnp.any(waiting), jnp.maximum(wanted, least), 0)
+    return jnp.maximum(wanted, least)
 
 
 def _between(new, w, due, slowness, inside, half_lengths):
