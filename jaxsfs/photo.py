@@ -4,7 +4,7 @@ stored = response(gain · V(α) · ρ G(cos θ)/r²), so E = decode(stored)/V(α
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,7 +28,17 @@ _CHANNELS: dict[str, Weights] = {
 }
 _SRGB = SRGBResponse()
 _NO_FALLOFF = NoFalloff()
+_PLATEAU = 0.005  # share of the pixels on the highest value that looks clipped
+_STANDS_OUT = 4  # times as many as on each of the next values
+_BELOW = 5  # next values that are looked at
 _FAINTEST = 1e-7  # linear light, as a share of the brightest pixel; below it a range is 3000 times the nearest one
+
+
+class Plateau(NamedTuple):
+    """The highest stored `value` (full scale 1) and the `share` of the usable pixels that have it in a channel."""
+
+    value: float
+    share: float
 
 
 class PhotoReport(eqx.Module):
@@ -78,6 +88,28 @@ def clipping_limit(dtype: str) -> float | None:
         return None
     top = np.iinfo(dtype).max
     return (top - 1) / top
+
+
+def plateau(
+    photo: Float[np.ndarray, "height width *channels"],
+    valid: Bool[np.ndarray, "height width"],
+    limit: Scalar | None,
+) -> Plateau | None:
+    """Where clipping does not reach the type's `limit`, as in 8-bit data times 256: the highest value, if 0.5 % of the
+    usable pixels have it, and four times as many as the values just below. None otherwise.
+
+    The top of a smooth surface has about as many pixels on each of the highest values.
+    """
+    values = photo[valid].reshape(int(valid.sum()), -1).max(axis=-1, initial=0)
+    highest = float(values.max(initial=0))
+    if not highest > 0 or (limit is not None and highest >= limit):
+        return None
+    there, counts = np.unique(values[values > 0.8 * highest], return_counts=True)
+    share = counts[-1] / len(values)
+    below = counts[-1 - _BELOW : -1]
+    if share < _PLATEAU or len(there) < 2 or counts[-1] < _STANDS_OUT * below.mean():
+        return None
+    return Plateau(highest, float(share))
 
 
 def irradiance_of(

@@ -210,6 +210,26 @@ def test_the_summary_says_what_was_assumed(view, tmp_path, capsys):
     assert re.search(r"mask +round field of .* \(automatic\)", text)
 
 
+def test_a_plateau_below_the_limit_is_warned_of_and_unknown_if_asked(view, tmp_path, capsys):
+    picture = cv2.imread(str(view / "image.png"), cv2.IMREAD_UNCHANGED)
+    limit = int(np.percentile(picture.max(axis=-1), 90))
+    cv2.imwrite(str(tmp_path / "image.png"), np.minimum(picture, limit))
+    shutil.copy(view / "camera.json", tmp_path)
+    assert main(reconstruct(tmp_path, tmp_path / "a", "--no-report")) == 0
+    said = capsys.readouterr().out
+    assert "of the pixels share the highest value" in said
+    assert "s before the solver" in said
+    assert record(tmp_path / "a")["figures"]["photograph"]["plateau"]["share"] > 0.05
+    assert set(record(tmp_path / "a")["seconds"]) == {"start", "read", "irradiance", "solve"}
+    assert main(reconstruct(tmp_path, tmp_path / "b", "--no-report", "--clip-limit", "highest")) == 0
+    assert "share the highest value" not in capsys.readouterr().out
+    assert record(tmp_path / "b")["options"]["clip_limit"]["value"] == pytest.approx(limit / 65535)
+    figures = record(tmp_path / "b")["figures"]["preparation"]
+    assert figures["restored_from_other_channels"] + figures["filled_from_surroundings"] > 300
+    assert main(reconstruct(tmp_path, tmp_path / "c", "--clip-limit", "most")) == 2
+    assert "--clip-limit must be" in capsys.readouterr().err
+
+
 def test_an_existing_result_is_kept_without_force(view, result, capsys):
     before = (result / "result.json").read_bytes()
     assert main(reconstruct(view, result)) == 2

@@ -6,7 +6,7 @@ import pytest
 
 from jaxsfs.camera import Orthographic, Perspective, Spherical
 from jaxsfs.irradiance import Irradiance
-from jaxsfs.photo import automatic_response, clipping_limit, irradiance_of, parse_channel
+from jaxsfs.photo import automatic_response, clipping_limit, irradiance_of, parse_channel, plateau
 from jaxsfs.photometry import (
     CosineExponentialFalloff,
     CosineFalloff,
@@ -191,3 +191,22 @@ def test_what_a_stored_type_stands_for():
     assert clipping_limit("uint8") == 254 / 255
     assert clipping_limit("uint16") == 65534 / 65535
     assert clipping_limit("float32") is None
+
+
+def test_a_plateau_below_the_limit_of_the_type_is_seen_and_a_smooth_top_is_none():
+    """8-bit data times 256 clips at 65280, which the limit of 16 bits does not reach."""
+    rng = np.random.default_rng(0)
+    v, u = np.indices((120, 160))
+    smooth = 0.9 * np.exp(-((u - 70) ** 2 + (v - 50) ** 2) / 5000)[..., None] * (1.0, 0.6, 0.5)
+    eight_bit = np.rint(255 * smooth + 0.5 * rng.standard_normal(smooth.shape)).clip(0, 255) * 256 / 65535
+    valid, limit = np.ones((120, 160), bool), clipping_limit("uint16")
+    assert plateau(eight_bit, valid, limit) is None
+    clipped = np.minimum(eight_bit, 150 * 256 / 65535)
+    found = plateau(clipped, valid, limit)
+    assert found is not None
+    assert found.value == pytest.approx(150 * 256 / 65535)
+    assert found.share == pytest.approx((clipped.max(axis=-1) == clipped.max()).mean())
+    assert plateau(clipped, valid, found.value) is None  # then they count as clipped already
+    assert plateau(0 * clipped, valid, limit) is None
+    assert plateau(np.full((120, 160), 0.5), valid, limit) is None  # a grey sheet: nothing to compare with
+    assert plateau(clipped[..., 0], valid, None) is not None

@@ -5,10 +5,11 @@ import importlib
 import os
 import shlex
 import sys
+import time
 from collections.abc import Sequence
 
 from jaxsfs.cli._interruption import interruptible
-from jaxsfs.cli._terminal import CannotRun, command_line, quiet
+from jaxsfs.cli._terminal import CannotRun, command_line, quiet, started
 
 # name → module, function, one line for `jaxsfs --help`
 COMMANDS: dict[str, tuple[str, str, str]] = {
@@ -92,6 +93,7 @@ def _run(words: list[str]) -> int:
 
         print(f"jaxsfs {version('jaxsfs')}")
         return 0
+    started.set(time.perf_counter())
     name, words = _command(words)
     if name not in COMMANDS:
         return _group_usage(name)

@@ -1,25 +1,26 @@
 """What `jaxsfs reconstruct` does: read, turn brightness into irradiance, solve, write."""
 
 import dataclasses
-import time
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxsfs import files
 from jaxsfs.camera import AbstractCamera, camera_to_dict
+from jaxsfs.cli._clock import Clock
 from jaxsfs.cli._reconstruct_input import Input, initial_form, read
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._reconstruct_report import fronts, report
 from jaxsfs.cli._settings import given_or_default
 from jaxsfs.cli._summary import summary
-from jaxsfs.cli._terminal import command_line, progress, say, versions
+from jaxsfs.cli._terminal import command_line, progress, say, started, versions
 from jaxsfs.cli._uncertainty import range_sigma
 from jaxsfs.irradiance import Irradiance
 from jaxsfs.lights import lights_to_dict
-from jaxsfs.photo import clipping_limit
+from jaxsfs.photo import plateau
 from jaxsfs.preparation import Preparation, prepare
 from jaxsfs.reconstruction import Reconstruction, reconstruct as solve, scaled_to
 from jaxsfs.refinement import Refinement, refine
@@ -29,15 +30,20 @@ _NOT_TRUSTWORTHY = 3
 
 def run(options: ReconstructOptions) -> int:
     """Reconstructs as the options say, writes the folder of results, prints a summary; the exit code."""
-    start = time.perf_counter()
+    clock = Clock(started.get())
     files.check_formats(options.also)
     with files.output_folder(options.out, force=options.force) as folder:
+        clock.lap("start")
         progress(f"reading {options.image}")
         given = read(options)
+        clock.lap("read")
         progress(f"solving {given.size[0]} x {given.size[1]} px")
         prepared = _prepared(options, given)
+        clock.lap("irradiance")
         once = _solution(options, given, prepared)
         result, refinement = _solved(given, prepared, once)
+        jax.block_until_ready(result.surface.range)
+        clock.lap("solve")
         sigma, spread = None, None
         if options.uncertainty and bool(result.surface.valid.any()):
             progress("estimating the uncertainty")
@@ -46,6 +52,7 @@ def run(options: ReconstructOptions) -> int:
         progress(f"writing {options.out}")
         files.write_surface(folder, result.surface, given.photo.rgb8(), given.settings.unit, sigma)
         record = _record(options, given, result, prepared, refinement) | {"uncertainty": spread}
+        record["seconds"] = clock.rounded()
         files.write_json(folder / "result.json", record)
         files.write_also(folder, result.surface, given.photo.rgb8(), record, options.also, sigma)
         if options.animate and bool(result.surface.valid.any()):
@@ -57,7 +64,7 @@ def run(options: ReconstructOptions) -> int:
     if options.json:
         print((options.out / "result.json").read_text(encoding="utf-8"), end="")
     else:
-        say(summary(record, options.out, time.perf_counter() - start))
+        say(summary(record, options.out, clock.total()))
     trustworthy = result.status.trustworthy and (refinement is None or refinement.status.trustworthy)
     return 0 if trustworthy else _NOT_TRUSTWORTHY
 
@@ -74,7 +81,7 @@ def _prepared(options: ReconstructOptions, given: Input) -> Preparation:
         falloff=settings.parsed("falloff"),
         weights=settings.parsed("channel"),
         smooth_px=given.smooth.value,
-        clip_limit=clipping_limit(given.photo.dtype),
+        clip_limit=given.clip.value,
     )
 
 
@@ -121,6 +128,7 @@ def _record(
 ) -> dict[str, Any]:
     """result.json."""
     settings = given.settings
+    flat = plateau(given.photo.values, given.valid, given.clip.value)
     albedo = dataclasses.replace(settings.albedo, value=float(result.albedo))
     settings_used = {
         "response": settings.response,
@@ -129,6 +137,7 @@ def _record(
         "channel": settings.channel,
         "albedo": albedo,
         "mask": given.mask,
+        "clip_limit": given.clip,
         "smooth": given.smooth,
         "initial": initial_form(options),
     }
@@ -143,7 +152,7 @@ def _record(
         "unit": settings.unit,
         "figures": {
             "range": _lengths(result),
-            "photograph": prepared.photo.as_dict(),
+            "photograph": prepared.photo.as_dict() | {"plateau": None if flat is None else flat._asdict()},
             "preparation": prepared.figures(),
             "solution": result.statistics.as_dict(),
         },

@@ -12,7 +12,7 @@ from jaxsfs.camera import CameraFile
 from jaxsfs.cli._initial import check_mask_size, parse_initial, parse_known_range, read_heights, read_known_ranges
 from jaxsfs.cli._photometric import Photometric, photometric
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
-from jaxsfs.cli._settings import CAMERA_FILE, COMMAND_LINE, DEFAULT, Setting
+from jaxsfs.cli._settings import CAMERA_FILE, COMMAND_LINE, DEFAULT, Setting, check_clip_limit
 from jaxsfs.cli._terminal import progress
 from jaxsfs.estimation import PhotometryEstimate, estimate_photometry
 from jaxsfs.field import find_field
@@ -34,6 +34,7 @@ class Input:
     mask: Setting
     settings: Photometric
     smooth: Setting
+    clip: Setting
     initial: AbstractInitial
     occlusions: Bool[np.ndarray, "height width"] | Literal["auto", "off"]
     known_range: tuple[tuple[int, int], float] | None
@@ -63,7 +64,7 @@ def read(options: ReconstructOptions) -> Input:
     mask, origin = _mask(options, photo, settings.response.value)
     valid = photo.valid & mask
     smooth, contours = _smooth(options, photo, valid), _occlusions(options.occlusions, photo)
-    given = Input(file, photo, valid, origin, settings, smooth, initial, contours, known)
+    given = Input(file, photo, valid, origin, settings, smooth, _clip(options, photo), initial, contours, known)
     if options.lights is not None:
         _check_scale(options, settings)
         given = dataclasses.replace(given, lights=files.read_lights(options.lights))
@@ -92,7 +93,7 @@ def _estimated(path: Path, given: Input) -> Input:
         response=start.parsed("response"),
         falloff=NoFalloff(),
         weights=start.parsed("channel"),
-        clip_limit=clipping_limit(given.photo.dtype),
+        clip_limit=given.clip.value,
     )
     grey = np.asarray(start.parsed("response").encode(prepared.irradiance.values))
     found = estimate_photometry(grey, given.file.camera, known, np.asarray(prepared.irradiance.valid))
@@ -108,6 +109,15 @@ def _smooth(options: ReconstructOptions, photo: files.Photo, valid: Bool[np.ndar
         return Setting(given, COMMAND_LINE)
     noise = noise_level(photo.values / max(1.0, float(photo.values.max())), valid)
     return Setting(smoothing_for(noise), f"automatic, noise {noise:.2%} of full scale")
+
+
+def _clip(options: ReconstructOptions, photo: files.Photo) -> Setting:
+    """Stored value from which a pixel is clipped; None: nothing is."""
+    word, own = options.clip_limit, clipping_limit(photo.dtype)
+    if word == "auto":
+        return Setting(own, f"automatic, {photo.dtype}")
+    limits = {"off": None, "highest": float(photo.values[photo.valid].max(initial=0)) or own}
+    return Setting(limits[word] if word in limits else check_clip_limit(word), COMMAND_LINE)
 
 
 def _mask(

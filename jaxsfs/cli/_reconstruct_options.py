@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import value
-from jaxsfs.cli._settings import check_albedo, numbers, smooth_px
+from jaxsfs.cli._settings import check_albedo, check_clip_limit, numbers, smooth_px
 from jaxsfs.cli._terminal import CannotRun
 from jaxsfs.files._formats import Format
 
@@ -61,6 +61,9 @@ class ReconstructOptions:
     # Highlights: auto measures inside them by colour and fills their cores; mask fills them; dichromatic is the paper's
     # separation at every pixel; off leaves them in.
     specular: Literal["auto", "mask", "dichromatic", "off"] = "auto"
+    # Stored value, as a share of full scale, from which a pixel is clipped and so no data; auto: the last two steps of
+    # an integer type, none of float; highest: the photograph's own highest value; off: nothing is clipped.
+    clip_limit: Annotated[str, value("auto|highest|off|VALUE")] = "auto"
     # Gaussian smoothing in linear light; auto: 0 to 1.5 px by the photograph's noise.
     smooth: Annotated[str, value("auto|SIGMA_PX")] = "auto"
     # Photometry of a kind of scope, where neither these options nor the camera file say otherwise. colonoscope:
@@ -98,6 +101,7 @@ class ReconstructOptions:
             raise CannotRun("--albedo and --known-range both set the scale; give one of them")
         check_albedo(self.albedo)
         self.smooth_px()
+        check_clip_limit(self.clip_limit)
         if not 0 <= self.blood <= 2:
             raise CannotRun(f"--blood must lie between 0 and 2, got {self.blood:g}")
         if self.uncertainty and self.light == "distant":

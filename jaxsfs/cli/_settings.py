@@ -70,3 +70,16 @@ def numbers(what: str, text: str, form: str) -> list[float]:
     if len(values) != len(wanted):
         raise ValueError(f"{what} needs {len(wanted)} numbers in the form {form}, got {text!r}")
     return values
+
+
+def check_clip_limit(text: str) -> float | None:
+    """The share of full scale that --clip-limit gives, None for its words. Raises CannotRun for anything else."""
+    if text in ("auto", "highest", "off"):
+        return None
+    try:
+        limit = float(text)
+    except ValueError:
+        limit = 0.0
+    if not 0 < limit < float("inf"):
+        raise CannotRun(f"--clip-limit must be auto, highest, off or a share of full scale above 0, got {text}")
+    return limit

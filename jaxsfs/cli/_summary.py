@@ -15,6 +15,7 @@ def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
         ("range", _range(lengths, unit)),
         *_uncertainty(record.get("uncertainty"), unit),
         ("pixels", f"{photo['used']} of {photo['pixels']} used ({', '.join(left_out)})"),
+        *_plateau(photo["plateau"]),
         ("highlights", _preparation(record["figures"]["preparation"])),
         (
             "solution",
@@ -35,6 +36,7 @@ def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
     ):
         value, origin = options[name]["value"], options[name]["origin"]
         rows.append((name, f"{_number(value)} ({origin})"))
+    rows.append(("time", _seconds(record["seconds"])))
     head = f"{folder}: {size['width']} x {size['height']} px in {seconds:.1f} s"
     return "\n".join([head, *(f"  {name:<12} {text}" for name, text in rows)])
 
@@ -44,6 +46,22 @@ def _uncertainty(found: Mapping[str, Any] | None, unit: str) -> list[tuple[str, 
         return []
     text = f"median {_number(found['median'])} {unit} ({found['relative_median']:.2%}); {found['statement']}"
     return [("uncertainty", text)]
+
+
+def _plateau(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    if found is None:
+        return []
+    text = (
+        f"{found['share']:.1%} of the pixels share the highest value {found['value']:.4g} of full scale: probably "
+        "clipped, but taken as data; --clip-limit highest takes them as unknown"
+    )
+    return [("warning", text)]
+
+
+def _seconds(found: Mapping[str, float]) -> str:
+    before = sum(found[stage] for stage in ("start", "read", "irradiance"))
+    parts = ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in found.items())
+    return f"{before:.1f} s before the solver ({parts})"
 
 
 def _preparation(figures: Mapping[str, Any]) -> str:

@@ -63,4 +63,5 @@ def versions() -> dict[str, str]:
 
 # `main` sets these: whether --quiet was given, and the line that a result records as what made it.
 quiet: ContextVar[bool] = ContextVar("quiet", default=False)
+started: ContextVar[float] = ContextVar("started", default=0.0)  # the command, in time.perf_counter
 command_line: ContextVar[str] = ContextVar("command_line", default="jaxsfs")
