@@ -17,7 +17,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from mitsuba_scenes import installed, pictured, shapes
+from mitsuba_scenes import installed, pictured, shapes, wall
 from tables import write_tables
 from tqdm import tqdm
 
@@ -57,7 +57,7 @@ def run(out: Path, quick: bool) -> list[dict]:
         rows.append(_row(name, "any, one bounce", direct, direct, abs_rel(scene, camera, direct)))
         bar.update()
         for albedo in albedos:
-            values = pictured(shapes(scene, albedo), 90.0, size, BOUNCES, samples) / albedo
+            values = pictured(shapes(scene, wall(albedo)), 90.0, size, BOUNCES, samples) / albedo
             rows.append(_row(name, f"{albedo:g}", values, direct, abs_rel(scene, camera, values)))
             bar.update()
     bar.close()

@@ -38,9 +38,22 @@ def wall(albedo: float) -> dict:
     return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": albedo}}}
 
 
-def shapes(scene: AbstractScene, albedo: float = 1.0) -> dict[str, dict]:
-    """`scene` by a rectangle, a sphere, a cylinder with a disk."""
-    transform, material = mitsuba().ScalarTransform4f, {"bsdf": wall(albedo)}
+def plastic(colour: tuple[float, float, float], roughness: float, coat: float = 1.0) -> dict:
+    """A diffuse surface under a rough coat of wet tissue's index, as bright as `coat` of what it reflects."""
+    material = {
+        "type": "roughplastic",
+        "distribution": "ggx",
+        "int_ior": 1.4,
+        "alpha": roughness,
+        "diffuse_reflectance": {"type": "rgb", "value": list(colour)},
+        "specular_reflectance": {"type": "rgb", "value": coat},
+    }
+    return {"type": "twosided", "bsdf": material}
+
+
+def shapes(scene: AbstractScene, bsdf: dict | None = None) -> dict[str, dict]:
+    """`scene` by a rectangle, a sphere, a cylinder with a disk; of a white diffuse wall if no material is given."""
+    transform, material = mitsuba().ScalarTransform4f, {"bsdf": wall(1.0) if bsdf is None else bsdf}
     if isinstance(scene, Plane):
         normal = [-float(scene.slope_x), -float(scene.slope_y), 1.0]
         place = transform().look_at([0, 0, float(scene.h)], [*normal[:2], float(scene.h) + 1], [0, 1, 0])
@@ -80,9 +93,11 @@ def traced(things: dict[str, dict], rays: np.ndarray) -> tuple[np.ndarray, np.nd
     return ranges, radiances
 
 
-def pictured(things: dict[str, dict], field_deg: float, size: int, bounces: int, samples: int) -> np.ndarray:
-    """A pinhole's picture (size, size) of linear radiance, `field_deg` from side to side; light that has met the wall
-    up to `bounces` times."""
+def pictured(
+    things: dict[str, dict], field_deg: float, size: int, bounces: int, samples: int, colour: bool = False
+) -> np.ndarray:
+    """A pinhole's picture (size, size) of linear radiance, or of three `colour` channels, `field_deg` from side to
+    side; light that has met the wall up to `bounces` times."""
     mi = mitsuba()
     transform = mi.ScalarTransform4f
     sensor = {
@@ -90,10 +105,12 @@ def pictured(things: dict[str, dict], field_deg: float, size: int, bounces: int,
         "fov": field_deg,
         # Mitsuba's camera has x to the left of its picture; ours x to the right, y down, z forward
         "to_world": transform().look_at([0, 0, 0], [0, 0, 1], [0, -1, 0]),
-        "film": {"type": "hdrfilm", "width": size, "height": size, "pixel_format": "luminance",
+        "film": {"type": "hdrfilm", "width": size, "height": size,
+                 "pixel_format": "rgb" if colour else "luminance",
                  "rfilter": {"type": "box"}},
         "sampler": {"type": "multijitter", "sample_count": samples, "seed": 1},
     }  # fmt: skip
     integrator = {"type": "path", "max_depth": bounces + 1, "rr_depth": 64}
     scene = mi.load_dict({"type": "scene", "integrator": integrator, "light": light(), "sensor": sensor} | things)
-    return np.asarray(mi.render(scene))[..., 0].astype(float)
+    picture = np.asarray(mi.render(scene)).astype(float)
+    return picture if colour else picture[..., 0]

@@ -12,6 +12,9 @@ which several cannot restore. `field`: all that the surface fills; a method that
 the value it leaves there. PSNR and SSIM are of the body image as stored (sRGB), AbsRel and normal error of the surface
 reconstructed from the luminance of the body image in the pixels that the method vouches for.
 
+Last column: ours against the best of the others, by the difference's mean and standard error over the scenes; within
+two of these they count as equal. Rough plastic: Mitsuba's own pictures (extra crosscheck, left out without it).
+
 `works`: PSNR of the two published rivals on a picture that meets their assumptions: white light, two even colours, no
 noise, nothing clipped. Writes table.md, table.csv and a sheet of pictures: stored | body of each method | truth.
 """
@@ -20,126 +23,29 @@ import argparse
 import csv
 import shlex
 import sys
-from collections.abc import Callable
-from itertools import islice
+from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from baselines_specular import shen_zheng, yang
+from mitsuba_scenes import installed
 from skimage.metrics import structural_similarity
+from specular_methods import METHODS, SRGB, Body, own_ground, psnr, stored
+from specular_photographs import KINDS, PLASTIC, chosen, photograph
 from tqdm import tqdm
 
-from data_synth import (
-    REPORT_SEEDS,
-    TUNING_SEEDS,
-    Ball,
-    HollowBall,
-    Plane,
-    View,
-    WavyWall,
-    default_camera,
-    observe,
-    random_scene,
-    take_photo,
-    tissue_colours,
-    wet_glints,
-)
-from jaxsfs import Irradiance, SRGBResponse, evaluate, reconstruct
+from data_synth import REPORT_SEEDS, TUNING_SEEDS, Ball, Plane, View
+from jaxsfs import Irradiance, evaluate, reconstruct
 from jaxsfs.files import write_png
-from jaxsfs.specular import (
-    LUMINANCE,
-    RED_MINUS_GREEN,
-    body_colour,
-    remove_highlights,
-    saturated,
-    separate,
-)
+from jaxsfs.specular import LUMINANCE, saturated
 
-SRGB = SRGBResponse()
-KINDS = ("broad", "glints", "both", "uneven tissue", "tinted light", "grey tissue", "none")
 FIGURES = ("PSNR dB, common", "PSNR dB, field", "SSIM, field", "AbsRel, common", "normals °, common")
-SMOOTH = (Plane, Ball, HollowBall, WavyWall)
 HARD_KINDS = ("both", "uneven tissue")
 SIZE, QUICK_SIZE = (240, 180), (120, 96)
-TRUTH = "true body"
-
-
-class Body(NamedTuple):
-    """Body image in linear light, and the pixels whose value a method vouches for."""
-
-    linear: np.ndarray
-    known: np.ndarray
-
-
-def off(linear, valid, clipped) -> Body:
-    return Body(linear, valid & ~clipped)
-
-
-def mask_and_fill(linear, valid, clipped) -> Body:
-    found = remove_highlights(linear, valid, saturated=clipped, method="mask")
-    return Body(found.values, valid & ~found.unknown)
-
-
-def red_minus_green(linear, valid, clipped) -> Body:
-    """The paper's a = (1, −1, 0), brought to the body's scale with its colour."""
-    colour = body_colour(linear, valid & ~clipped)
-    return Body(np.maximum(separate(linear, colour, vector=RED_MINUS_GREEN)[0], 0), valid & ~clipped)
-
-
-def automatic(linear, valid, clipped) -> Body:
-    return Body(remove_highlights(linear, valid, saturated=clipped, method="dichromatic").values, valid & ~clipped)
-
-
-def yang_2010(linear, valid, clipped) -> Body:
-    return Body(yang.body_image(linear, valid), valid & ~clipped)
-
-
-def shen_zheng_2013(linear, valid, clipped) -> Body:
-    return Body(shen_zheng.body_image(linear, valid), valid & ~clipped)
-
-
-def ours(linear, valid, clipped) -> Body:
-    found = remove_highlights(linear, valid, saturated=clipped)
-    return Body(found.values, valid & ~found.unknown)
-
-
-METHODS: dict[str, Callable[..., Body]] = {
-    "off": off,
-    "mask + fill": mask_and_fill,
-    "R−G": red_minus_green,
-    "automatic a": automatic,
-    "Yang 2010": yang_2010,
-    "Shen–Zheng 2013": shen_zheng_2013,
-    "ours": ours,
-}
-
-
-def photograph(view: View, kind: str, seed: int):
-    """A photograph of the kind; highlights are drawn from the seed."""
-    rng = np.random.default_rng(seed)
-    options: dict = {"shine": rng.uniform(0.15, 0.5), "lobe": rng.uniform(20, 120)}
-    if kind in ("glints", "none"):
-        options = {}
-    if kind not in ("broad", "none"):
-        options["glints"] = wet_glints(view, seed=seed)
-    if kind in ("uneven tissue", "none"):
-        options["body_colour"] = tissue_colours(view, seed=seed)
-    if kind == "tinted light":
-        options["interface_colour"] = (0.85, 1.0, 0.8)
-    if kind == "grey tissue":
-        options["body_colour"] = (0.45, 0.45, 0.45)
-    return take_photo(view, read_noise=0.004, seed=seed, **options)
-
-
-def stored(linear: np.ndarray) -> np.ndarray:
-    return np.asarray(SRGB.encode(jnp.asarray(np.clip(linear, 0, 1))))
-
-
-def psnr(picture: np.ndarray, truth: np.ndarray, valid: np.ndarray) -> float:
-    return float(-10 * np.log10(((picture - truth)[valid] ** 2).mean()))
+PLACES = (1, 1, 4, 4, 2)
+HIGHER_IS_BETTER = (True, True, True, False, False)
+TRUTH, OURS = "true body", "ours"
 
 
 def figures(bodies: dict[str, Body], truth: np.ndarray, view: View) -> dict[str, tuple[float, ...]]:
@@ -172,73 +78,73 @@ def figures(bodies: dict[str, Body], truth: np.ndarray, view: View) -> dict[str,
     return found
 
 
-def own_ground() -> dict[str, float]:
-    """PSNR of the rivals on a picture that meets their assumptions, over nothing done at all."""
-    v, u = np.indices((128, 160)) / 160
-    shading = 0.3 + 0.3 * np.exp(-((u - 0.5) ** 2 + (v - 0.4) ** 2) / 0.1)
-    body = np.where((u > 0.5)[..., None], [0.75, 0.35, 0.28], [0.7, 0.5, 0.2]) * shading[..., None]
-    spots = ((0.3, 0.3, 0.03), (0.7, 0.5, 0.04), (0.52, 0.6, 0.03))
-    light = sum(0.4 * np.exp(-((u - x) ** 2 + (v - y) ** 2) / (2 * s * s)) for x, y, s in spots)
-    linear, valid = body + np.asarray(light)[..., None], np.ones(u.shape, bool)
-    rivals = {"Yang 2010": yang.body_image, "Shen–Zheng 2013": shen_zheng.body_image}
-    found = {name: psnr(stored(rival(linear, valid)), stored(body), valid) for name, rival in rivals.items()}
-    return {"off": psnr(stored(linear), stored(body), valid)} | found
-
-
-def chosen(seeds: range, smooth: bool, count: int) -> list[int]:
-    """The first `count` seeds of the kind of scene."""
-    return list(islice((seed for seed in seeds if isinstance(random_scene(seed), SMOOTH) == smooth), count))
-
-
 def compare(seeds: list[int], kinds: tuple[str, ...], size: tuple[int, int]):
-    """Mean figures by kind and method, and a row of pictures for each kind from the first seed."""
-    sums: dict[tuple[str, str], list] = {}
+    """Figures by kind and method for each seed, and a row of pictures for each kind from the first seed."""
+    found: dict[tuple[str, str], list] = {}
     sheet: dict[str, np.ndarray] = {}
     for seed, kind in tqdm([(seed, kind) for seed in seeds for kind in kinds], file=sys.stderr):
-        scene = random_scene(seed)
-        view = observe(scene, default_camera(scene, *size), half_field_deg=50)
+        view, values, body = photograph(seed, kind, size)
         valid = np.asarray(view.surface.valid)
-        photo = photograph(view, kind, seed)
-        values = photo.stored / 255
         clipped = saturated(values) & valid
         linear = np.asarray(SRGB.decode(jnp.asarray(values)))
         # R−G and the automatic a are blind to grey: they say so
         able = [name for name in METHODS if kind != "grey tissue" or name not in ("R−G", "automatic a")]
         bodies = {name: METHODS[name](linear, valid, clipped) for name in able}
-        for name, found in figures(bodies | {TRUTH: Body(photo.body, valid)}, photo.body, view).items():
-            sums.setdefault((kind, name), []).append(found)
-        row = [values, *[stored(body.linear) for body in bodies.values()]]
-        sheet.setdefault(kind, np.hstack([*row, *[0 * values] * (len(METHODS) + 1 - len(row)), stored(photo.body)]))
-    return {key: np.mean(rows, axis=0) for key, rows in sums.items()}, np.vstack(list(sheet.values()))
+        for name, row in figures(bodies | {TRUTH: Body(body, valid)}, body, view).items():
+            found.setdefault((kind, name), []).append(row)
+        row = [values, *[stored(one.linear) for one in bodies.values()]]
+        sheet.setdefault(kind, np.hstack([*row, *[0 * values] * (len(METHODS) + 1 - len(row)), stored(body)]))
+    return {key: np.array(rows) for key, rows in found.items()}, list(sheet.values())
 
 
-def table(scenes: str, means: dict, kinds: tuple[str, ...]) -> list[dict[str, str]]:
-    places = (1, 1, 4, 4, 2)
+def verdict(found: dict, kind: str, number: int) -> str:
+    """Ours against the best mean of the others: by how much it is better, with the standard error over the scenes of
+    the difference; `equal` within two of them."""
+    others = {name: found[kind, name][:, number] for name in METHODS if name != OURS and (kind, name) in found}
+    sign = 1 if HIGHER_IS_BETTER[number] else -1
+    rival = max(others, key=lambda name: sign * others[name].mean())
+    ahead = sign * (found[kind, OURS][:, number] - others[rival])
+    error = ahead.std(ddof=1) / np.sqrt(len(ahead)) if len(ahead) > 1 else np.inf
+    least = 0.5 * 10.0 ** -PLACES[number]
+    word = "equal" if abs(ahead.mean()) <= max(2 * error, least) else "best" if ahead.mean() > 0 else "WORSE"
+    digits = PLACES[number] + 1
+    return f"{word}: {ahead.mean():+.{digits}f} ± {error:.{digits}f} to {rival}"
+
+
+def table(scenes: str, found: dict, kinds: tuple[str, ...]) -> list[dict[str, str]]:
     rows = []
     for kind in kinds:
         for number, figure in enumerate(FIGURES):
             row = {"scenes": scenes, "picture": kind, "figure": figure}
             for name in (*METHODS, TRUTH):
-                found = means.get((kind, name))
-                there = found is not None and np.isfinite(found[number])
-                row[name] = f"{found[number]:.{places[number]}f}" if there else "–"
-            rows.append(row)
+                mean = found[kind, name][:, number].mean() if (kind, name) in found else np.nan
+                row[name] = f"{mean:.{PLACES[number]}f}" if np.isfinite(mean) else "–"
+            rows.append(row | {"ours against the best other": verdict(found, kind, number)})
     return rows
+
+
+def groups(seeds: range, quick: bool, count: int) -> Iterable[tuple[str, list[int], tuple[str, ...], tuple[int, int]]]:
+    """Name, seeds, kinds of picture and size of each part of the table."""
+    if quick:
+        yield "smooth", chosen(seeds, True, 1), ("both", "none"), QUICK_SIZE
+        return
+    yield "smooth", chosen(seeds, True, count), KINDS, SIZE
+    yield "occluding", chosen(seeds, False, max(1, count // 2)), HARD_KINDS, SIZE
+    if installed():
+        yield "plane or ball, Mitsuba", chosen(seeds, True, count, (Plane, Ball)), (PLASTIC,), (SIZE[1], SIZE[1])
+    else:
+        print("rough plastic is left out: Mitsuba is not installed (the extra crosscheck)", file=sys.stderr)
 
 
 def run(out: Path, quick: bool, count: int, tuning: bool) -> None:
     """Prints the table and writes it, with the pictures, to `out`."""
-    kinds = ("both", "none") if quick else KINDS
-    seeds = TUNING_SEEDS if tuning else REPORT_SEEDS
     rows, sheets = [], []
     with jax.enable_x64(True), np.errstate(divide="ignore"):  # the true body's PSNR is infinite
         works = own_ground()
-        groups = [("smooth", True, 1 if quick else count, kinds)]
-        groups += [] if quick else [("occluding", False, max(1, count // 2), HARD_KINDS)]
-        for name, smooth, number, those in groups:
-            means, sheet = compare(chosen(seeds, smooth, number), those, QUICK_SIZE if quick else SIZE)
-            rows += table(f"{name}, {number}", means, those)
-            sheets.append(sheet)
+        for name, seeds, kinds, size in groups(TUNING_SEEDS if tuning else REPORT_SEEDS, quick, count):
+            found, pictures = compare(seeds, kinds, size)
+            rows += table(f"{name}, {len(seeds)}", found, kinds)
+            sheets += pictures
     head = list(rows[0])
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     lines += ["| " + " | ".join(row.values()) + " |" for row in rows]
@@ -250,7 +156,9 @@ def run(out: Path, quick: bool, count: int, tuning: bool) -> None:
         writer = csv.DictWriter(file, head)
         writer.writeheader()
         writer.writerows(rows)
-    write_png(out / "sheet.png", np.rint(255 * np.vstack(sheets)).astype(np.uint8), force=True)
+    width = max(one.shape[1] for one in sheets)
+    whole = np.vstack([np.pad(one, ((0, 0), (0, width - one.shape[1]), (0, 0))) for one in sheets])
+    write_png(out / "sheet.png", np.rint(255 * whole).astype(np.uint8), force=True)
     print(text)
 
 
