@@ -68,6 +68,8 @@ def target_centre(name: str, lens: Float[np.ndarray, "8"], view: Float[np.ndarra
         seen = rays(lens_named(name).build, lens, pixel[None])
         move = np.linalg.lstsq(seen.slope[0], goal - seen.ray[0], rcond=None)[0]
         pixel = pixel + np.clip(move, -100.0, 100.0)
+        if np.max(np.abs(move)) < 1e-9:
+            break
     return pixel
 
 
