@@ -1,6 +1,11 @@
 """Near-light shape from shading, second order: the sweeps, the paper's first-order scheme in JAX, and scikit-fmm with
 Picard iteration on a stereographic grid. A Lambertian plane, 50° at the corners, only E and ρ known.
+
+The paper's steps are all of one length, so that with few of them the front falls behind where it is fast, round the
+nearest point: with 4 a pixel's width the error is 7e-2 at any size, with 16 about what the scheme can do.
 """
+
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -38,15 +43,20 @@ def rows(size: int, repetitions: int) -> list[dict]:
         shading = light_at_camera(values, inside, jnp.float32(1), Lambertian())
         return shading.to_range(sweep(shading, metric, inside, known, order=2).w)
 
-    @jax.jit
-    def paper():
-        return paper_scheme.propagate(values, metric, steps=4 * size)
+    @partial(jax.jit, static_argnames="steps")
+    def paper(values, steps):
+        return paper_scheme.propagate(values, metric, steps=steps)
 
     skfmm, missing = measure.peer("skfmm", "scikit-fmm")
     programs = [
         measure.Program("jaxsfs, order 2", lambda: jax.block_until_ready(ours()), error, note="float32"),
-        measure.Program(
-            "the paper's scheme in JAX", lambda: jax.block_until_ready(paper()), error, note=f"{4 * size} steps"
+        *(
+            measure.Program(
+                f"the paper's scheme in JAX, {steps} steps",
+                lambda steps=steps: jax.block_until_ready(paper(values, steps)),
+                error,
+            )
+            for steps in (4 * size, 16 * size)
         ),
         missing
         or measure.Program(
