@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import threading
 from pathlib import Path
 
@@ -103,6 +104,12 @@ def test_as_many_workers_as_asked_for_of_one_thread_each():
         assert list(client.nthreads().values()) == [1]
 
 
+def test_without_the_extra(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert main(words(folder, tmp_path / "r.zarr", "--processes", "2")) == 2
+    assert "--processes 2: a cluster needs the extra: pip install 'jaxsfs[cluster]'" in capsys.readouterr().err
+
+
 def test_no_scheduler_there(folder, tmp_path, capsys, monkeypatch):
     from jaxsfs.video import _cluster
 
@@ -114,7 +121,6 @@ def test_no_scheduler_there(folder, tmp_path, capsys, monkeypatch):
 def test_threads_are_set_before_jax_is_imported():
     """In a process of its own: importing the worker's code imports neither JAX nor OpenCV."""
     import subprocess
-    import sys
 
     code = (
         "import os, sys; from jaxsfs.video._worker import pin_threads; assert 'jax' not in sys.modules; "
@@ -148,7 +154,6 @@ def test_what_the_environment_says_goes_first(monkeypatch):
 def test_several_devices_share_the_batches(folder, tmp_path):
     """Two of XLA's virtual devices: both are used, and the surfaces are those of one."""
     import subprocess
-    import sys
 
     code = (
         "import sys, jax; from jaxsfs.cli import main; used = set(); default = jax.default_device\n"

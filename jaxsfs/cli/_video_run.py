@@ -169,7 +169,8 @@ def _named(options: VideoOptions) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise CannotRun(f"--scheduler {options.scheduler}: {error}") from None
+        given = f"--scheduler {options.scheduler}" if options.scheduler else f"--processes {options.processes}"
+        raise CannotRun(f"{given}: {error}") from None
 
 
 def _compute(options: VideoOptions, job: Job, store: FrameStore, client: Any) -> None:
