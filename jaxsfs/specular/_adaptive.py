@@ -22,6 +22,7 @@ _TAIL = 2  # px by which a detected highlight is extended
 _BLURRED_TAIL = 4  # px, on real tissue: optics and compression blur a highlight's rim
 _COLOUR_ERROR = 0.12  # share of the interface part that an interface colour, not exact, leaves in the body
 _EXACT_ERROR = 0.03  # the same where one body colour explains the whole picture
+_LOCAL_ERROR = 0.2  # relative error of the body where its colour, which varies, is that of the surroundings
 _BLOOM = 0.1  # relative error of the body beside an unmeasured pixel, falling by e per px
 _ROUGHNESS = 0.004  # |Δ ln E| per px² of smooth tissue
 _WIDE_ROUGHNESS = 0.02  # of all that a veil covers, contours and all
@@ -127,6 +128,8 @@ def _measured(parts: Split, body: Grey, hole: Mask, data: Mask) -> tuple[Grey, G
     known = data & (~hole | (parts.body > _DARKEST_BODY * luminance))
     apart = cv2.distanceTransform((known | ~hole).astype(np.uint8), cv2.DIST_L2, 5)
     inside = np.hypot(inside, _BLOOM * np.exp(-np.maximum(apart - 1, 0)))
+    # one colour is exact, and highlights on uneven tissue are brought to the level around them
+    inside = inside if parts.single or parts.uneven else np.hypot(inside, _LOCAL_ERROR)
     variance = np.where(hole, inside, outside).astype(np.float64) ** 2 + 1e-6
     return np.log(np.where(hole & data, body, luminance)).astype(np.float64), np.where(known, 1 / variance, 0.0)
 
