@@ -5,6 +5,7 @@ and nothing else of cameras or reflectances.
 """
 
 import abc
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -21,11 +22,31 @@ Image = Float[Array, "height width"]
 
 
 class Balance(eqx.Module):
-    """|∇v|²_g + square·v² + linear·v = constant, pixel by pixel."""
+    """|∇v|²_g + square·v² + linear·v = constant, pixel by pixel; coefficients that are the same everywhere are numbers,
+    so that nothing is read or multiplied for them."""
 
     constant: Float[Array, "..."]
-    linear: Float[Array, "..."]
-    square: Float[Array, "..."]
+    linear: Float[Array, "..."] | Scalar
+    square: Float[Array, "..."] | Scalar
+
+    def map_images(self, function: Callable[[Array], Array]) -> "Balance":
+        """With `function` applied to the coefficients that are images."""
+        return jax.tree.map(lambda x: function(x) if jnp.ndim(x) > 0 else x, self)
+
+    def slope(self, v: Float[Array, "..."]) -> Float[Array, "..."] | Scalar:
+        """Half the derivative of square·v² + linear·v by v."""
+        return self._square_times(v) + 0.5 * self.linear
+
+    def left(self, v: Float[Array, "..."]) -> Float[Array, "..."]:
+        """|∇v|²_g where v has this value."""
+        square = self._square_times(v)
+        # of numbers that are nothing no product is made
+        if isinstance(square, float) and isinstance(self.linear, float) and self.linear == 0:
+            return self.constant
+        return self.constant - v * (square + self.linear)
+
+    def _square_times(self, v):
+        return 0.0 if isinstance(self.square, float) and self.square == 0 else self.square * v
 
 
 class AbstractShading(eqx.Module):
@@ -132,7 +153,7 @@ class LightAtCamera(AbstractShading):
         |∇v|²_g + 4v² = 4ρ²/E²."""
         p = self.natural_power()
         top = self.lift(self.bound, p)
-        return Balance(p**2 * top**2, jnp.zeros_like(top), jnp.full_like(top, p**2))
+        return Balance(p**2 * top**2, 0.0, p**2)
 
     def lift(self, w: Image, p: Scalar) -> Image:
         """v = sign(p) e^{pw} = sign(p) r^p."""
@@ -154,7 +175,7 @@ class LightAtCamera(AbstractShading):
         room = top - v
         far = room > 1e-3 * jnp.abs(v)
         linear = jnp.where(far, jnp.minimum(jnp.abs(tangent), right / jnp.where(far, room, 1)), jnp.abs(tangent))
-        return Balance(right + linear * v, linear, jnp.zeros_like(v))
+        return Balance(right + linear * v, linear, 0.0)
 
 
 class DistantLight(AbstractShading):
@@ -189,7 +210,7 @@ class DistantLight(AbstractShading):
 
     def quadratic_balance(self) -> "Balance":
         cosine = jnp.clip(self.facing, MIN_COSINE, 1)
-        return Balance(1 / cosine**2 - 1, jnp.zeros_like(cosine), jnp.zeros_like(cosine))
+        return Balance(1 / cosine**2 - 1, 0.0, 0.0)
 
     def lift(self, w: Image, p: Scalar) -> Image:
         """v = z whatever p: |∇z|² = 1/c² − 1."""

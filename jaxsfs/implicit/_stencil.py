@@ -47,11 +47,12 @@ def find_stencil(v: Image, shading: AbstractShading, metric, p: Scalar, free: Ma
     padded = jnp.pad(v, PAD, constant_values=HUGE)
 
     def compare(direction, best):
-        value, kind = _best_update(padded, v.shape, metric, balance, direction, second)
         gap, code = best
-        closer = jnp.abs(value - v) < gap
-        kind = jnp.int8(len(_KINDS)) * direction.astype(jnp.int8) + kind
-        return jnp.where(closer, jnp.abs(value - v), gap), jnp.where(closer, kind, code)
+        first = jnp.int8(len(_KINDS)) * direction.astype(jnp.int8)
+        for kind, offer in enumerate(_offers(padded, v.shape, metric, balance, direction, second)):
+            closer = jnp.abs(offer - v) < gap
+            gap, code = jnp.where(closer, jnp.abs(offer - v), gap), jnp.where(closer, first + jnp.int8(kind), code)
+        return gap, code
 
     start = jnp.full(v.shape, jnp.inf, v.dtype), jnp.full(v.shape, NO_DIRECTION, jnp.int8)
     gap, code = jax.lax.fori_loop(0, len(STEPS), compare, start)
@@ -62,12 +63,12 @@ def find_stencil(v: Image, shading: AbstractShading, metric, p: Scalar, free: Ma
     return Stencil(direction, side.astype(jnp.int8), found & straight, found & diagonal)
 
 
-# side, whether the straight edge is used, whether the diagonal one is; in the sweep's order of comparison
+# side, whether the straight edge is used, whether the diagonal one is
 _KINDS = ((-1, True, False), (-1, False, True), (-1, True, True), (1, False, True), (1, True, True))
 
 
-def _best_update(padded, shape, metric, balance, direction, second: bool):
-    """The smallest value that the sweep in `direction` offers to every pixel, and which of `_KINDS` gave it."""
+def _offers(padded, shape, metric, balance, direction, second: bool) -> list[Image]:
+    """What the sweep in `direction` offers to every pixel, for each of `_KINDS`."""
     g11, g12, g22 = _frame(metric, direction)
     determinant = g11 * g22 - g12 * g12
 
@@ -83,11 +84,7 @@ def _best_update(padded, shape, metric, balance, direction, second: bool):
         h11, h12 = _oblique(g11, g12, g22, side)
         offers.append(_from_edge(diagonal, determinant / h11, balance))
         offers.append(_from_triangle(straight, diagonal, h11, h12, g11, balance))
-    value, kind = offers[0], jnp.zeros(shape, jnp.int8)
-    for k, offer in enumerate(offers[1:], 1):
-        kind = jnp.where(offer < value, jnp.int8(k), kind)
-        value = jnp.minimum(offer, value)
-    return value, kind
+    return offers
 
 
 def upwind_values(v: Image, stencil: Stencil, fill: float) -> Upwind:
@@ -115,7 +112,7 @@ def misfit(
     d2 = _difference(v, upwind.diagonal_near, upwind.diagonal_far, stencil.diagonal, second)
     balance = shading.balance(v, p)
     steepness = h11 * d1 * d1 + 2 * h12 * d1 * d2 + h22 * d2 * d2
-    return steepness + balance.square * v * v + balance.linear * v - balance.constant
+    return steepness - balance.left(v)
 
 
 def _difference(v: Image, near: Image, far: Image, used: Mask, second: bool) -> Image:
@@ -203,6 +200,5 @@ def _from_triangle(straight, diagonal, h11, h12, h22, balance):
 def _larger_root(quad, half, rest, m, balance: Balance):
     """x with quad·x² − 2·half·x + rest + square·(m + x)² + linear·(m + x) = constant; NaN where there is none."""
     quad = quad + balance.square
-    half = half - balance.square * m - 0.5 * balance.linear
-    rest = rest + balance.square * m * m + balance.linear * m - balance.constant
+    half, rest = half - balance.slope(m), rest - balance.left(m)
     return (half + jnp.sqrt(half * half - quad * rest)) / quad

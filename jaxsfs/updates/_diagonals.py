@@ -6,6 +6,7 @@ picture is sheared, S[i + j, j] = v[i, j], so that anti-diagonals lie in rows.
 
 from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -23,7 +24,7 @@ def diagonals(
         for right in (True, False):
             corner = jnp.int8(2 * down + right)
             turn = (slice(None, None, 1 if down else -1), slice(None, None, 1 if right else -1))
-            balance = jax.tree.map(lambda x, turn=turn: x[turn], balance_of(v))
+            balance = balance_of(v).map_images(lambda x, turn=turn: x[turn])
             turned = jax.tree.map(lambda x, turn=turn: x[turn], frame)
             sign = 1 if down == right else -1
             new = _from_corner(v[turn], owner[turn] == corner, balance, turned, sign, second, frozen)[turn]
@@ -42,10 +43,11 @@ def _from_corner(v: Image, mine, balance: Balance, frame: Frame, sign: int, seco
         _sheared(frame.top, HUGE),
         _sheared(frame.free, False),
     )
-    balance = jax.tree.map(lambda x: _sheared(x, 0), balance)
+    images, numbers = eqx.partition(balance.map_images(lambda x: _sheared(x, 0)), lambda x: jnp.ndim(x) > 0)
 
     def line(values, here):
         d, f, b, mine = here
+        b = eqx.combine(b, numbers)
 
         def neighbour(up, left):
             return jax.lax.dynamic_slice(values, (d + _BEFORE - up - left, PAD - left), (1, width))[0]
@@ -55,7 +57,7 @@ def _from_corner(v: Image, mine, balance: Balance, frame: Frame, sign: int, seco
         new = taken(jnp.minimum(from_above, from_left), neighbour(0, 0), mine, f.free, f.top, frozen)
         return jax.lax.dynamic_update_slice(values, new[None], (d + _BEFORE, PAD)), None
 
-    lines = (jnp.arange(height + width - 1), still, balance, _sheared(mine, False))
+    lines = (jnp.arange(height + width - 1), still, images, _sheared(mine, False))
     values, _ = jax.lax.scan(line, sheared, lines)
     return _unsheared(values[_BEFORE:, PAD:-PAD], height)
 

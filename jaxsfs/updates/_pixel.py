@@ -52,8 +52,7 @@ def offered(neighbour, g11, g12, g22, balance: Balance, second):
     """
     determinant = g11 * g22 - g12 * g12
     here, m1, left, right = neighbour(0, 0), neighbour(1, 0), neighbour(1, -1), neighbour(1, 1)
-    room = balance.constant - m1 * (balance.square * m1 + balance.linear)
-    pull = balance.square * m1 + 0.5 * balance.linear
+    room, pull = balance.left(m1), balance.slope(m1)
     # a front that travels straight on has g₁₁ ∂₁v + g₁₂ ∂₂v = 0; with less ∂₁v it comes from the right
     straight = -2 * g12 * jnp.sqrt(jnp.maximum(room, 0) / (g11 * determinant))
     from_right = right - left < straight
@@ -88,7 +87,7 @@ def _difference(here, near, far, second):
 def _lower_edge(best, m, a, b, determinant, h, balance: Balance):
     """`best`, or v with (determinant/h) D² + square·v² + linear·v = constant, D = a (v − m) − b, where that is less."""
     scaled = determinant * a
-    quad, half = scaled * a + h * balance.square, scaled * b - h * (balance.square * m + 0.5 * balance.linear)
-    rest = determinant * b * b - h * (balance.constant - m * (balance.square * m + balance.linear))
+    quad, half = scaled * a + h * balance.square, scaled * b - h * balance.slope(m)
+    rest = determinant * b * b - h * balance.left(m)
     v = m + (half + jnp.sqrt(half * half - quad * rest)) / quad
     return jnp.where((v >= m) & (v < best), v, best)

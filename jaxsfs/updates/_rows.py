@@ -18,7 +18,7 @@ def rows(
         vt, ot = (x if axis == 0 else x.T for x in (v, owner))
         for forward in (True, False):
             balance = balance_of(vt if axis == 0 else vt.T)
-            bt = balance if axis == 0 else jax.tree.map(jnp.transpose, balance)
+            bt = balance if axis == 0 else balance.map_images(jnp.transpose)
             direction = jnp.int8(2 * axis + forward)
             vt, ot = _directional_sweep(vt, ot, bt, frames[axis], jnp.asarray(forward), direction, second, frozen)
         v, owner = (vt, ot) if axis == 0 else (vt.T, ot.T)
@@ -43,7 +43,7 @@ def _directional_sweep(v, owner, balance: Balance, frame: Frame, forward, direct
 
         old = neighbour(0, 0)
         g11, g12, g22 = at(frame.g11), jnp.where(forward, 1, -1).astype(v.dtype) * at(frame.g12), at(frame.g22)
-        candidate = offered(neighbour, g11, g12, g22, jax.tree.map(at, balance), second)
+        candidate = offered(neighbour, g11, g12, g22, balance.map_images(at), second)
         new = taken(candidate, old, at(owner) == direction, at(frame.free), at(frame.top), frozen)
         return jax.lax.dynamic_update_slice(padded, new[None], (i + PAD, PAD))
 
