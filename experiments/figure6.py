@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 from mesh_view import draw_mesh, face_colours
-from real_data import DEFAULT, RED_RICH, SINUS, Case, Settings, score, sinus_case, solve
+from real_cases import SINUS, Case, sinus_case
+from real_solving import DEFAULT, RED_RICH, Settings, score, solve
 from tables import main, pyplot, save, write_tables
 from tqdm import tqdm
 

@@ -22,7 +22,8 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from real_data import PRESET, SIMCOL, SIMCOL_CAMERAS, SIMCOL_FRAMES, Case, Settings, score, simcol_case, solve
+from real_cases import SIMCOL, SIMCOL_CAMERAS, SIMCOL_FRAMES, Case, simcol_case
+from real_solving import PRESET, Settings, score, solve
 from tqdm import tqdm
 
 from jaxsfs import Irradiance, evaluate, reconstruct

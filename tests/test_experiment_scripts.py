@@ -188,3 +188,34 @@ def test_run_all_resumes_and_reports_failures(load, tmp_path, monkeypatch, capsy
     (here / "good.py").write_text((here / "good.py").read_text() + "# changed\n")
     assert run_all.main() == 0
     assert (out / "good" / "good.md").read_text() == "--quick"
+
+
+@pytest.mark.slow
+def test_second_order_is_second_and_below_the_first(tmp_path):
+    quick("second_order", tmp_path)
+    text = (tmp_path / "second_order.md").read_text(encoding="utf-8")
+    assert "python experiments/second_order.py --quick" in text
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("| ")]
+    tables = {tuple(head): [] for head in rows if head[0] == "scene"}
+    for row in rows:
+        head = tuple(row) if row[0] == "scene" else head
+        if row[0] != "scene" and not row[0].startswith("-"):
+            tables[head].append(dict(zip(head, row, strict=True)))
+    corners, orders = tables.values()
+    assert all(1.75 < float(row["order"]) < 2.25 for row in corners)
+    assert [row["scene"] for row in orders] == ["plane", "tube"]
+    assert all(float(row["second / first"]) < 0.9 for row in orders)
+
+
+@pytest.mark.slow
+def test_limits_of_the_real_frames(tmp_path, data):
+    """The truth's own irradiance is nearer than any photometry, and that fitted to the truth than the preset."""
+    if not (data / "simcol3d").is_dir():
+        pytest.skip(f"no simcol3d in {data}")
+    quick("real_limits", tmp_path, JAXSFS_DATA=str(data))
+    text = (tmp_path / "real_limits.md").read_text(encoding="utf-8")
+    row = text.strip().splitlines()[-1].split("|")[1:-1]
+    assert row[0].strip() == "simcol 0004 B"
+    preset, _, ranges, fitted, truth = (float(cell.split()[0]) for cell in row[1:])
+    assert truth < fitted < preset < 0.12
+    assert ranges > fitted
