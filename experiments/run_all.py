@@ -26,7 +26,7 @@ HERE = Path(__file__).parent
 # the longest first, so that the last ones fill the gaps
 EXPERIMENTS = (
     "convergence", "methods", "model_errors", "lights", "figure6", "figure5", "figure3", "figure2", "photographs",
-    "occlusions", "figure4", "accuracy",
+    "occlusions", "figure4", "accuracy", "choosing",
     *(("crosscheck", "interreflection") if importlib.util.find_spec("mitsuba") else ()),
 )  # fmt: skip
 

@@ -108,6 +108,15 @@ def test_methods_ours_is_the_most_accurate_of_near_light_rows(tmp_path):
 
 
 @pytest.mark.slow
+def test_choosing_says_what_each_solver_is_good_for(tmp_path):
+    quick("choosing", tmp_path)
+    first, second = table(tmp_path / "choosing.csv")
+    for picture in ("exact", "noise 1 %", "occlusions"):
+        assert float(second[picture].split(",")[0]) < float(first[picture].split(",")[0])
+    assert "100%" in second["exact"]
+
+
+@pytest.mark.slow
 def test_convergence_fits_an_order(tmp_path):
     quick("convergence", tmp_path)
     orders = {(r["solver"], r["order"]): float(r["observed order"]) for r in table(tmp_path / "convergence.csv")}
