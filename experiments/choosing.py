@@ -3,16 +3,18 @@
     python experiments/choosing.py --out out/choosing
     python experiments/choosing.py --quick
 
-Columns: the wavy wall from its exact picture, with 1 % and 20 % of noise (of each pixel's brightness, not smoothed), and
-at a tenth of the pixels; a wall with two polyps (occlusions); a straight tube (nearest wall at the rim). In each cell
-AbsRel of range after median alignment, the share of pixels that have an answer, and the rounds or steps that it took.
+Columns: the wavy wall from its exact picture, with 1 % and 20 % of noise (of each pixel's brightness, not smoothed),
+and at a tenth of the pixels; a wall with two polyps (occlusions); a straight tube (nearest wall at the rim). In each
+cell AbsRel of range after median alignment, the share of pixels that have an answer, and the rounds or steps.
 Seconds: processor time of one solution, compiled, of the exact wavy wall, the median of five.
 """
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +25,9 @@ from tqdm import tqdm
 
 from jaxsfs import Irradiance, Reconstruction, reconstruct
 
-METHODS = tuple((solver, order) for solver in ("sweeping", "level-set") for order in (1, 2))
+Solver = Literal["sweeping", "level-set"]
+Order = Literal[1, 2]
+METHODS: tuple[tuple[Solver, Order], ...] = (("sweeping", 1), ("sweeping", 2), ("level-set", 1), ("level-set", 2))
 
 
 def noisy(image: NearImage, share: float) -> Irradiance:
@@ -77,10 +81,7 @@ def run(out: Path, quick: bool) -> list[dict]:
         for name, (image, irradiance) in columns.items():
             row[name] = cell(image, reconstruct(irradiance, image.camera, solver=solver, order=order))
         image, irradiance = columns["exact"]
-
-        def solve(irradiance=irradiance, image=image, solver=solver, order=order):
-            return reconstruct(irradiance, image.camera, solver=solver, order=order)
-
+        solve = partial(reconstruct, irradiance, image.camera, solver=solver, order=order)
         rows.append(row | {"seconds": f"{seconds(solve):.3f}"})
     print(write_tables(out, "choosing", {"choosing": rows}))
     return rows
