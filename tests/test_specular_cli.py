@@ -52,6 +52,8 @@ def test_specular_of_bad_input(photo, tmp_path, capsys):
     path, _ = photo
     assert main(["specular", str(path), "--out", str(tmp_path / "a"), "--interface", "blue"]) == 2
     assert "three positive numbers" in capsys.readouterr().err
+    assert main(["specular", str(path), "--out", str(tmp_path / "a"), "--saturation", "nan"]) == 2
+    assert "--saturation must be a share of full scale above 0, got nan" in capsys.readouterr().err
     assert main(["specular", str(tmp_path / "none.png"), "--out", str(tmp_path / "a")]) == 2
     assert not (tmp_path / "a").exists()
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import jax_session, say
+from jaxsfs.cli._terminal import CannotRun, jax_session, say
 
 _COMPLIANT = 0.8  # share of planar regions; exact dichromatic pictures reach 0.98 or more, real frames 0.2 to 0.65
 
@@ -33,6 +33,10 @@ class SpecularOptions:
     force: bool = False
     # Print result.json instead of a summary.
     json: bool = False
+
+    def __post_init__(self):
+        if not 0 < self.saturation < float("inf"):
+            raise CannotRun(f"--saturation must be a share of full scale above 0, got {self.saturation:g}")
 
 
 def specular(options: Annotated[SpecularOptions, FLAT]) -> int:
