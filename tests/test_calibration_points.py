@@ -9,6 +9,8 @@ import pytest
 from data_synth.target_patterns import BlankSheet, Checkerboard, DotGrid
 from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_checkerboard, calibrate_dots, calibrate_points, tilted
+from jaxsfs.calibration._blobs import blobs
+from jaxsfs.calibration._field import photograph_from
 from jaxsfs.calibration._lattice import grow_lattice
 from jaxsfs.camera import Spherical
 
@@ -36,6 +38,20 @@ def test_dots_recover_the_camera(asymmetric):
     assert np.hypot(found.camera.cx - 330.0, found.camera.cy - 236.0) < 0.5
     assert found.figures()["photographs"][0]["tilt_deg"] == pytest.approx(15.0, abs=0.3)
     assert found.figures()["photographs"][0]["height_mm"] == pytest.approx(22.0, rel=0.01)
+
+
+@pytest.mark.parametrize("blur", [0.8, 2.0])
+def test_the_middle_of_a_dot_is_found_where_light_falls_off(blur):
+    # light that falls by 0.6 to 1.2 % a pixel moves the centroid of what it lacks, and of its share otherwise
+    middles = np.array([[40.3, 40.1], [110.6, 41.7], [40.8, 110.2], [111.1, 110.9]])
+    fine = np.stack(np.meshgrid(*(np.arange(600) / 4 - 0.375,) * 2), axis=-1)
+    away = np.linalg.norm(fine[:, :, None] - middles, axis=-1).min(axis=-1)
+    light = np.where(away < 7, 0.1, 0.8) * (1 - 0.005 * fine[..., 0] - 0.001 * fine[..., 1])
+    light = cv2.GaussianBlur(light, (0, 0), 4 * blur).reshape(150, 4, 150, 4).mean(axis=(1, 3))
+    found = blobs(photograph_from(light.astype(np.float32)))
+    nearest = np.linalg.norm(found[:, None] - middles, axis=-1).argmin(axis=0)
+    assert len(found) == 4
+    np.testing.assert_allclose(found[nearest], middles, atol=0.025)
 
 
 def test_checkerboard_recovers_the_camera():
