@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from mesh_view import draw_mesh, face_colours
 from real_cases import SINUS, Case, sinus_case
-from real_solving import DEFAULT, RED_RICH, Settings, score, solve
+from real_solving import DEFAULT, SMOOTH, Settings, score, solve
 from tables import main, pyplot, save, write_tables
 from tqdm import tqdm
 
@@ -33,7 +33,7 @@ class Example(NamedTuple):
 
 
 def sinus(quick: bool) -> Example:
-    return Example(sinus_case(DATA / SINUS, 4584, 4 if quick else 2), RED_RICH)
+    return Example(sinus_case(DATA / SINUS, 4584, 4 if quick else 2), SMOOTH)
 
 
 def gastric(quick: bool) -> Example:
@@ -51,11 +51,16 @@ EXAMPLES = {"sinus": (SINUS, sinus), "gastric": (GASTRIC, gastric)}
 
 def row_of(name: str, example: Example, result: Reconstruction) -> dict:
     row = {"picture": name, "size": "{1} × {0}".format(*example.case.mask.shape), "settings": example.settings.name}
-    row |= {"status": result.status.name.lower(), "Spearman": "–", "AbsRel of depth": "–", "points": "–"}
+    row["status"] = result.status.name.lower()
+    row |= dict.fromkeys(("Spearman, range", "Spearman, depth", "AbsRel of depth", "points"), "–")
     if example.case.points is not None:
         found = score(example.case, result)
-        row |= {"Spearman": f"{found['spearman_depth']:.3f}", "AbsRel of depth": f"{found['abs_rel']:.3f}",
-                "points": str(found["compared"])}  # fmt: skip
+        row |= {
+            "Spearman, range": f"{found['spearman_range']:.3f}",
+            "Spearman, depth": f"{found['spearman_depth']:.3f}",
+            "AbsRel of depth": f"{found['abs_rel']:.3f}",
+            "points": str(found["compared"]),
+        }
     return row
 
 
