@@ -9,7 +9,7 @@ import pytest
 from data_synth.target_patterns import BlankSheet, Checkerboard, DotGrid
 from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_checkerboard, calibrate_dots, calibrate_points, tilted
-from jaxsfs.calibration._blobs import blobs
+from jaxsfs.calibration._blobs import _centroid, blobs
 from jaxsfs.calibration._field import photograph_from
 from jaxsfs.calibration._lattice import grow_lattice
 from jaxsfs.camera import Spherical
@@ -52,6 +52,13 @@ def test_the_middle_of_a_dot_is_found_where_light_falls_off(blur):
     nearest = np.linalg.norm(found[:, None] - middles, axis=-1).argmin(axis=0)
     assert len(found) == 4
     np.testing.assert_allclose(found[nearest], middles, atol=0.025)
+
+
+def test_a_spot_that_is_no_ink_on_paper_has_the_middle_of_its_region():
+    region = np.zeros((21, 25), bool)
+    region[6:13, 9:16] = True
+    middle = _centroid(np.where(region, 0.9, 0.5), region, ~region)
+    np.testing.assert_allclose(middle, [12.0, 9.0])
 
 
 def test_checkerboard_recovers_the_camera():

@@ -9,6 +9,7 @@ from jaxsfs.calibration._field import Photograph
 _SPECK = 0.06  # of the typical area: smaller spots are grain
 _SPOT, _BLURRED, _AROUND = 3, 4, 9  # px beyond a spot: what is weighed, and where its paper begins and ends
 _LEAST_PAPER = 20  # px, for a plane
+_LEAST_INK = 6  # px
 
 
 def blobs(photo: Photograph, least_area: int = 12) -> Float[np.ndarray, "count 2"]:
@@ -75,6 +76,8 @@ def _centroid(
     share = 1 - light / even
     half = _grown(region, 2) & (share > 0.5 * np.percentile(share[region], 80))
     taken = np.where(_grown(half, _SPOT), even - light, 0.0)
+    if half.sum() < _LEAST_INK or np.sum(taken) < 0.5 * np.sum(taken[half]):
+        return np.array([u[region].mean(), v[region].mean()])  # no spot on paper: the lattice will tell
     centroid = np.array([np.sum(taken * u), np.sum(taken * v)]) / np.sum(taken)
     level = max(float(plane[0] + plane[1:] @ centroid), 1e-6)
     return centroid - np.cov(np.stack([u[half], v[half]])) @ plane[1:] / level
