@@ -9,7 +9,7 @@ from data_synth.target_patterns import BlankSheet, Rings
 from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_circles, tilted
 from jaxsfs.calibration._eq20 import estimators
-from jaxsfs.calibration._guards import check_possible
+from jaxsfs.calibration._guards import _height_warnings, check_possible
 from jaxsfs.calibration.circles import _not_found
 from jaxsfs.camera import Equisolid, Spherical
 
@@ -117,6 +117,12 @@ def test_a_wrong_height_is_noticed():
     image = rings(tilted(6.0, 40.0, 22.0))
     found = calibrate_circles([image], RADII, height=23.5, height_tolerance=0.01)
     assert any("fits a height of" in warning for warning in found.warnings)
+
+
+def test_a_height_in_another_unit_is_refused(one_view):
+    assert len(_height_warnings(one_view.fit, one_view.covariance, 23.5, 0.02)) <= 1
+    with pytest.raises(ValueError, match=r"fits a height of 22 mm, you gave 2.2 mm: is the height in mm"):
+        _height_warnings(one_view.fit, one_view.covariance, 2.2, 0.02)
 
 
 def test_radii_of_another_sheet_are_refused():

@@ -64,6 +64,9 @@ def check_same_size(images: Sequence[Shaped[np.ndarray, "..."]]) -> Sequence[Sha
     return images
 
 
+_OTHER_UNIT = 2.0  # heights that differ by more are no tolerance
+
+
 def warnings_of(
     found: Fit,
     covariance: Float[np.ndarray, "size size"],
@@ -110,6 +113,11 @@ def _height_warnings(found: Fit, covariance, height: float | None, tolerance: fl
         at = VIEWS_AT + VIEW_SIZE * view + 5
         fitted = float(np.exp(found.parameters[at]))
         off = np.log(fitted / height)
+        if abs(off) > np.log(_OTHER_UNIT):
+            raise ValueError(
+                f"photograph {view + 1} fits a height of {fitted:.3g} mm, you gave {height:g} mm: is the height in mm, "
+                "like the radii, and from this photograph? Measure it again, or leave it out (two rings are enough)"
+            )
         if abs(off) > 0.02 and abs(off) > 3 * np.hypot(np.sqrt(covariance[at, at]), tolerance / 3):
             warnings.append(
                 f"Photograph {view + 1} fits a height of {fitted:.2f} mm, you gave {height:g} mm ({100 * off:+.1f} %): "
