@@ -70,7 +70,7 @@ def prepare(
     """Irradiance of a photograph of stored values (full scale 1) with highlights and clipping dealt with.
 
     `specular`: how highlights are removed, "off" to leave them in. Clipped pixels are measured in the channels that
-    are not clipped, and otherwise filled by a smooth ln E of at least the limit, unless they are most of the picture;
+    are not clipped, and otherwise filled smoothly with at least the limit, unless they are most of the picture;
     then they are left out. `blood`: exponent s of E ← E (E/½(G + B))^s, which takes out the darkening by blood; with
     its optical densities ε in the weighted channels and ε' in green and blue s = ε/(ε' − ε), about 0.15 for red (Beer
     and Lambert). It assumes that nothing but blood colours the tissue, and needs a colour photograph.

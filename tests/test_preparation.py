@@ -54,7 +54,7 @@ def test_a_shining_wall_is_as_good_as_a_matte_one(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "bound"), [("plane", 0.002), ("ball", 0.002), ("wavy-wall", 0.002), ("polyps", 0.012)]
+    ("name", "bound"), [("plane", 0.002), ("ball", 0.002), ("wavy-wall", 0.002), ("polyps", 0.012), ("random:19", 0.02)]
 )
 def test_a_third_of_the_pixels_clipped_in_red_costs_nothing(name, bound):
     """Nor is a near polyp, brighter than the wall behind and pale where red is clipped, the core of a highlight."""

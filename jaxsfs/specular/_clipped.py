@@ -13,12 +13,14 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse.linalg import spsolve
 
 from jaxsfs.forms import Scalar
+from jaxsfs.specular._local import regions
 
 Grey = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
 
 _COLOUR_AGREES = 0.15  # |ln| ratio of two channels against that of the surroundings
 _COARSE = 12000  # unknowns of the direct solve
+_DARKEST = 0.05  # of the median of what is known: the least that is filled in
 _STIFFNESS = 3.0  # of the plate, against data of weight 1 per (reduced) pixel
 
 
@@ -42,8 +44,8 @@ def restore_clipped(
     """Σ w_i linear_i with the `unknown` pixels replaced.
 
     Where some channels are not clipped and their colour is that of the surroundings, they measure the pixel: the share
-    of the weighted sum that they hold is carried over from around. Elsewhere ln E is the smooth (biharmonic) surface
-    through what is known, at least ln `limit` (the clipped value in linear light) where a channel with a weight is
+    of the weighted sum that they hold is carried over from around. Elsewhere E is a smooth (biharmonic) surface
+    through what is known, at least `limit` (the clipped value in linear light) where a channel with a weight is
     clipped.
     """
     grey = linear if linear.ndim == 2 else linear @ weights.astype(linear.dtype)
@@ -57,11 +59,31 @@ def restore_clipped(
         grey, measured = _by_other_channels(linear, grey, unknown, clipped, known)
     filled = unknown & ~measured
     if filled.any():
-        fill = np.exp(_smooth_through(np.log(np.maximum(grey, 1e-6)), known | measured, filled))
+        fill = _filled(grey, known | measured, filled, usable)
         held = clipped if clipped.ndim == 2 else (clipped & (np.asarray(weights) > 0)).any(axis=-1)
         least = float(limit) * (1.0 if clipped.ndim == 2 else _clipped_share(clipped, weights))
         grey = np.where(filled, np.maximum(fill, np.where(held, least, 0)), grey)
     return Restored(grey, measured, filled)
+
+
+def _filled(grey: Grey, known: Mask, hole: Mask, usable: Mask) -> Grey:
+    """E in the `hole`, smooth itself where it is known all round and ln E smooth where the hole ends the picture.
+
+    On the limb of a near body ln E is steep, and carried on inwards it makes E too bright by up to a factor; out to
+    the rim along a wall that comes near E grows like a power.
+    """
+    count, labels = regions(hole)
+    rim = cv2.dilate((~usable).astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1).astype(bool)
+    enclosed = hole & (np.bincount(labels[rim & hole], minlength=count) == 0)[labels]
+    fill = np.zeros_like(grey)
+    if enclosed.any():
+        least = _DARKEST * float(np.median(grey[known]))
+        fill = np.where(enclosed, np.maximum(_smooth_through(grey, known, enclosed), least), fill)
+    open_ = hole & ~enclosed
+    if open_.any():
+        log = _smooth_through(np.log(np.maximum(grey, 1e-6)), known, open_)
+        fill = np.where(open_, np.exp(np.where(open_, log, 0)), fill)
+    return fill
 
 
 def _clipped_share(clipped: Bool[np.ndarray, "height width 3"], weights) -> Grey:
@@ -113,21 +135,21 @@ def _gaussian(values: Grey, sigma: float) -> Grey:
     return cv2.resize(small, values.shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
-def _smooth_through(log_values: Grey, known: Mask, hole: Mask) -> Grey:
-    """ln E in the `hole`: a thin plate through a wide ring of what is known, at a size that a direct solve handles; its
-    mismatch at the rim is taken back at full size."""
+def _smooth_through(values: Grey, known: Mask, hole: Mask) -> Grey:
+    """`values` in the `hole`: a thin plate through a wide ring of what is known, at a size that a direct solve handles;
+    its mismatch at the rim is taken back at full size."""
     reach = float(cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5).max())
     near = known & (cv2.distanceTransform((~hole).astype(np.uint8), cv2.DIST_L2, 5) < max(4.0, 0.6 * reach))
     step = max(1, int(np.ceil(np.sqrt((hole.sum() + near.sum()) / _COARSE))))
-    size = (-(-log_values.shape[1] // step), -(-log_values.shape[0] // step))
+    size = (-(-values.shape[1] // step), -(-values.shape[0] // step))
     share = _small(near.astype(np.float64), size)
     inside = (share > 0.3) | (_small(hole.astype(np.float64), size) > 0)
-    middle = float(np.median(log_values[near])) if near.any() else 0.0
-    mean = _small(np.where(near, log_values - middle, 0.0), size) / np.maximum(share, 1e-9)
+    middle = float(np.median(values[near])) if near.any() else 0.0
+    mean = _small(np.where(near, values - middle, 0.0), size) / np.maximum(share, 1e-9)
     plate = middle + _thin_plate(mean, np.where(inside, share, 0.0), inside)
-    fine = cv2.resize(np.where(inside, plate, _spread(plate, inside)), log_values.shape[::-1])
+    fine = cv2.resize(np.where(inside, plate, _spread(plate, inside)), values.shape[::-1])
     ring = known & (cv2.dilate(hole.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0)
-    return fine + _spread(np.where(ring, log_values - fine, 0.0), ring)
+    return fine + _spread(np.where(ring, values - fine, 0.0), ring)
 
 
 def _small(values: Grey, size: tuple[int, int]) -> Grey:
