@@ -54,7 +54,7 @@ def test_a_shining_wall_is_as_good_as_a_matte_one(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "bound"), [("plane", 0.002), ("ball", 0.002), ("wavy-wall", 0.002), ("polyps", 0.012), ("random:19", 0.02)]
+    ("name", "bound"), [("plane", 0.002), ("ball", 0.002), ("wavy-wall", 0.002), ("polyps", 0.012)]
 )
 def test_a_third_of_the_pixels_clipped_in_red_costs_nothing(name, bound):
     """Nor is a near polyp, brighter than the wall behind and pale where red is clipped, the core of a highlight."""
@@ -64,6 +64,14 @@ def test_a_third_of_the_pixels_clipped_in_red_costs_nothing(name, bound):
     assert clipped.mean() > 0.2
     assert found.measured.sum() > 0.9 * clipped.sum()
     assert abs_rel(view, found.irradiance) < bound
+
+
+def test_the_white_disc_of_a_near_ball_is_filled_no_brighter_than_it_is():
+    """ln E carried on from its steep limb was too bright by up to a factor, and the error ten times this."""
+    view, photo = seen("random:19", percentile=64, level=1.0, body_colour=TISSUE)
+    found = prepared(view, photo)
+    assert found.filled.sum() > 1000
+    assert abs_rel(view, found.irradiance) < 0.02
 
 
 @pytest.mark.parametrize(("name", "bound"), [("plane", 0.008), ("ball", 0.012), ("tube", 0.04)])
