@@ -58,65 +58,67 @@ def propagate(
     inside = inside & carried
     stencil = _Stencil(weights, inside, offsets, order)
     crossing = jnp.sqrt(jnp.sum(weights, axis=0))
+    one_pixel = _CFL / jnp.max(crossing) ** 2
     half_lengths = 0.5 * jnp.where(inside[None], _ring_lengths(inverse_metric), _FAR)
     due = jnp.where(inside, jnp.minimum(jnp.minimum(shading.deadline(), known), end + _FAR), end + _FAR)
 
     def step(state, n):
         # once no pixel waits, a step costs nothing
-        busy = jnp.any(inside & ~state[1])
+        busy = jnp.any(inside & (state[0] > state[1]))
         return jax.lax.cond(busy, advanced, lambda state, n: state, state, n), busy
 
     def advanced(state, n):
-        w, reached, s = state
-        waiting = inside & ~reached
-        ds = _step_length(shading.speed(w), crossing, waiting, w, s, end, n, steps)
+        w, s = state
+        waiting = inside & (w > s)
+        # 1/F with a pixel round it, once a step: whatever needs it reads the same array
+        slowness = jnp.pad(1 / shading.speed(w), 1)
+        here = _window(slowness, 1, (0, 0), w.shape)
+        soonest = jnp.min(jnp.where(waiting, _next_event(here, crossing, w - s, one_pixel), jnp.inf))
+        ds = jnp.maximum(jnp.minimum(soonest, end - s + one_pixel), _least_step(end - s, n, steps))
         # One expression is the CFL number and the speed cap: no pixel is crossed faster than the scheme carries.
         cap = _CFL / (ds * crossing)
 
-        def delay(w, s):
+        def delay(w, speed):
             """−∂(φ − s)/∂s: how fast the expected arrival w = s − φ is put off."""
-            return 1 - jnp.minimum(shading.speed(w), cap) * stencil.gradient(w)
+            return 1 - jnp.minimum(speed, cap) * stencil.gradient(w)
 
-        first = delay(w, s)
+        first = delay(w, 1 / here)
         new = w + ds * first
         if order == 2:
-            new = w + 0.5 * ds * (first + delay(jnp.minimum(new, due), s + ds))
+            ahead = jnp.minimum(new, due)
+            new = w + 0.5 * ds * (first + delay(ahead, shading.speed(ahead)))
         # without a deadline a pixel has no expected arrival until a straight path gives it one
         expected = jnp.where(w < end + 0.5 * _FAR, jnp.minimum(new, due), w)
-        new = _between(expected, w, due, 1 / shading.speed(w), inside, half_lengths)
-        w = jnp.where(waiting, new, w)
-        return w, reached | (waiting & (w <= s + ds)), s + ds
+        new = _between(expected, w, due, slowness, inside, half_lengths)
+        return jnp.where(waiting, new, w), s + ds
 
-    state = (due, jnp.zeros_like(inside), start)
-    (w, reached, _), busy = jax.lax.scan(step, state, jnp.arange(steps))
-    return Arrival(w, reached, jnp.sum(busy))
+    (w, s), busy = jax.lax.scan(step, (due, start), jnp.arange(steps))
+    return Arrival(w, inside & (w <= s), jnp.sum(busy))
 
 
-def _step_length(speed, crossing, waiting, w, s, end, n, steps):
-    """The time in which the fastest part of the active front crosses most of a pixel.
-
-    Never past the next source of its own by more than that source needs for one pixel, and never so short that the
-    remaining steps could not reach `end`.
-    """
+def _next_event(slowness, crossing, wait, one_pixel):
+    """The time in which an active pixel is crossed for the most part; of one that the front is far from, until a
+    source of its own has grown by one pixel."""
     # next to its singular point a front is infinitely fast; one pixel away it has F = 1 px
-    speed = jnp.minimum(speed, crossing)
-    active = waiting & ((w - s) * speed * crossing < 2)
-    fastest = jnp.max(jnp.where(active, speed * crossing, 0))
-    event = jnp.min(jnp.where(waiting & ~active, w, end)) - s + _CFL / jnp.max(crossing) ** 2
-    wanted = jnp.minimum(_CFL / jnp.maximum(fastest, 1e-6), event)
-    left, share = (steps - n).astype(s.dtype), jnp.maximum(n.astype(s.dtype) / steps, 0.1)
-    least = jnp.where(n == steps - 1, 1, share / left) * (end - s)
-    return jnp.maximum(wanted, least)
+    rate = jnp.minimum(1 / slowness, crossing) * crossing
+    return jnp.where(wait * rate < 2, _CFL / jnp.maximum(rate, 1e-6), wait + one_pixel)
+
+
+def _least_step(left, n, steps):
+    """A step is never so short that the remaining ones could not reach the end."""
+    share = jnp.maximum(n.astype(left.dtype) / steps, 0.1) / (steps - n).astype(left.dtype)
+    return jnp.where(n == steps - 1, 1, share) * left
 
 
 def _between(new, w, due, slowness, inside, half_lengths):
     """`new` within what causality allows: not before the earliest of the eight neighbours (unless the pixel is a
-    source itself), and no later than along a straight path from any of them."""
-    times, slow = _padded(w, inside, 1), jnp.pad(slowness, 1)
+    source itself), and no later than along a straight path from any of them. `slowness`: 1/F with a pixel round it."""
+    times = _padded(w, inside, 1)
+    here = _window(slowness, 1, (0, 0), w.shape)
     earliest, latest = due, new
     for n, offset in enumerate(_RING):
         time = _window(times, 1, offset, w.shape)
-        path = half_lengths[n % 4] * (slowness + _window(slow, 1, offset, w.shape))
+        path = half_lengths[n % 4] * (here + _window(slowness, 1, offset, w.shape))
         earliest = jnp.minimum(earliest, time)
         latest = jnp.minimum(latest, time + path)
     return jnp.maximum(latest, earliest)
