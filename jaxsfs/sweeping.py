@@ -10,7 +10,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Int8
 
 from jaxsfs.forms import Scalar
 from jaxsfs.shading import AbstractShading
@@ -25,13 +25,15 @@ _SETTLED = 1e-2  # mean relative change of v in a round after which the order of
 class Sweeps(eqx.Module):
     """Solution of the static form: w where a front came by or a deadline holds, and the work it took.
 
-    `change`: mean relative change of v in the last round.
+    `change`: mean relative change of v in the last round. `owner`: which sweep of a round set each pixel's value
+    (−1: none did), counted as the order of updates counts them.
     """
 
     w: Image
     reached: Mask
     rounds: Int[Array, ""]
     change: Float[Array, ""]
+    owner: Int8[Array, "height width"]
 
 
 @partial(jax.jit, static_argnames=("order", "max_rounds", "tolerance", "updates"))
@@ -82,9 +84,9 @@ def sweep(
 
     settled = jnp.int32(-1 if order == 1 else max_rounds)
     start = (v, jnp.full(v.shape, -1, jnp.int8), jnp.int32(0), jnp.asarray(jnp.inf, v.dtype), settled)
-    v, _, rounds, change, _ = jax.lax.while_loop(proceed, body, start)
+    v, owner, rounds, change, _ = jax.lax.while_loop(proceed, body, start)
     reached = inside & (v < 0.5 * HUGE)
-    return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change)
+    return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change, owner)
 
 
 def power_for(shading: AbstractShading, order: int) -> Scalar:

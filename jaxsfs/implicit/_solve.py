@@ -45,16 +45,16 @@ def solve(
 
 @partial(jax.custom_jvp, nondiff_argnums=(4,))
 def _solution(shading: AbstractShading, metric, inside: Mask, known: Image, settings: _Settings):
-    """w, reached, rounds and change of `sweep`."""
+    """w, reached, rounds, change and owners of `sweep`."""
     found = sweep(shading, metric, inside, known, **settings._asdict())
-    return found.w, found.reached, found.rounds, found.change
+    return found.w, found.reached, found.rounds, found.change, found.owner
 
 
 @_solution.defjvp
 def _solution_jvp(settings: _Settings, primals, tangents):
     shading, metric, inside, known = primals
     shading_dot, metric_dot, _, known_dot = tangents
-    found = w, reached, rounds, change = _solution(shading, metric, inside, known, settings)
+    found = w, reached, rounds, change, owner = _solution(shading, metric, inside, known, settings)
     second = settings.order == 2
     given = inside & jnp.isfinite(known)
     p = power_for(shading, settings.order)
@@ -66,7 +66,7 @@ def _solution_jvp(settings: _Settings, primals, tangents):
     due = w >= top - 8 * jnp.finfo(w.dtype).eps * jnp.maximum(1, jnp.abs(w))
     data = jnp.where(reached, v, HUGE)
     once = partial(_once, never=rounds < 0)
-    stencil = once(find_stencil(data, shading, metric, p, reached & ~given & ~due, second))
+    stencil = once(find_stencil(data, owner, shading, metric, p, reached & ~given & ~due, second))
     held, upwind = once((v, upwind_values(data, stencil, HUGE)))
     causal, slope = once(_linearised(held, upwind, stencil, shading, metric, p, second))
 
@@ -87,8 +87,8 @@ def _solution_jvp(settings: _Settings, primals, tangents):
         transpose_solve=lambda _, side: causal.solve_transposed(side),
     )
     _, w_dot = jax.jvp(shading.lower, (v, p), (v_dot, p_dot))
-    no_reached, no_rounds = (np.zeros(x.shape, jax.dtypes.float0) for x in (reached, rounds))
-    return found, (jnp.where(reached, w_dot, 0), no_reached, no_rounds, jnp.zeros_like(change))
+    no_reached, no_rounds, no_owner = (np.zeros(x.shape, jax.dtypes.float0) for x in (reached, rounds, owner))
+    return found, (jnp.where(reached, w_dot, 0), no_reached, no_rounds, jnp.zeros_like(change), no_owner)
 
 
 def _once(tree, never: Bool[Array, ""]):

@@ -41,8 +41,10 @@ class Upwind(eqx.Module):
     diagonal_far: Image
 
 
-def find_stencil(v: Image, shading: AbstractShading, metric, p: Scalar, free: Mask, second: bool) -> Stencil:
-    """The stencil whose update gives each value of `v`; none where not `free`."""
+def find_stencil(
+    v: Image, owner: Int8[Array, "height width"], shading: AbstractShading, metric, p: Scalar, free: Mask, second: bool
+) -> Stencil:
+    """The stencil whose update in the sweep `owner` gives each value of `v`; none where not `free`."""
     balance = shading.balance(v, p)
     padded = jnp.pad(v, PAD, constant_values=HUGE)
 
@@ -50,7 +52,7 @@ def find_stencil(v: Image, shading: AbstractShading, metric, p: Scalar, free: Ma
         gap, code = best
         first = jnp.int8(len(_KINDS)) * direction.astype(jnp.int8)
         for kind, offer in enumerate(_offers(padded, v.shape, metric, balance, direction, second)):
-            closer = jnp.abs(offer - v) < gap
+            closer = (owner == direction.astype(jnp.int8)) & (jnp.abs(offer - v) < gap)
             gap, code = jnp.where(closer, jnp.abs(offer - v), gap), jnp.where(closer, first + jnp.int8(kind), code)
         return gap, code
 
