@@ -163,7 +163,10 @@ def main() -> None:
     parser.add_argument("--falloff", default=Photometry().falloff)
     parser.add_argument("--reflectance", default=Photometry().reflectance)
     parser.add_argument("--again", action="store_true", help="forget earlier results in --out")
+    parser.add_argument("--quick", action="store_true", help="every 50th frame, 135 px across")
     options = parser.parse_args()
+    if options.quick:
+        options.every, options.width = max(options.every, 50), min(options.width, 135)
     scope = Photometry(options.response, options.falloff, options.reflectance)
     run(options.root, options.out, options.every, options.width, scope, options.again)
 

@@ -120,8 +120,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Highlights of real endoscope pictures, inside against around.")
     parser.add_argument("--out", type=Path, default=Path("out/specular_real"), help="folder for the pictures")
     parser.add_argument("--data", type=Path, default=default, help="folder of the real images")
+    parser.add_argument("--quick", action="store_true", help="the first picture only")
     arguments = parser.parse_args()
-    rows = [measure(path, arguments.out) for path in pictures(arguments.data)]
+    paths = pictures(arguments.data)
+    rows = [measure(path, arguments.out) for path in (paths[:1] if arguments.quick else paths)]
     print("| " + " | ".join(rows[0]) + " |\n|" + "---|" * len(rows[0]))
     for row in rows:
         print("| " + " | ".join(f"{x:.2f}" if isinstance(x, float) else str(x) for x in row.values()) + " |")
