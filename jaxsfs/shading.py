@@ -23,7 +23,7 @@ Image = Float[Array, "height width"]
 
 class Balance(eqx.Module):
     """|∇v|²_g + square·v² + linear·v = constant, pixel by pixel; coefficients that are the same everywhere are numbers,
-    so that nothing is read or multiplied for them."""
+    so that no image is read for them."""
 
     constant: Float[Array, "..."]
     linear: Float[Array, "..."] | Scalar
@@ -33,20 +33,13 @@ class Balance(eqx.Module):
         """With `function` applied to the coefficients that are images."""
         return jax.tree.map(lambda x: function(x) if jnp.ndim(x) > 0 else x, self)
 
-    def slope(self, v: Float[Array, "..."]) -> Float[Array, "..."] | Scalar:
+    def slope(self, v: Float[Array, "..."]) -> Float[Array, "..."]:
         """Half the derivative of square·v² + linear·v by v."""
-        return self._square_times(v) + 0.5 * self.linear
+        return self.square * v + 0.5 * self.linear
 
     def left(self, v: Float[Array, "..."]) -> Float[Array, "..."]:
         """|∇v|²_g where v has this value."""
-        square = self._square_times(v)
-        # of numbers that are nothing no product is made
-        if isinstance(square, float) and isinstance(self.linear, float) and self.linear == 0:
-            return self.constant
-        return self.constant - v * (square + self.linear)
-
-    def _square_times(self, v):
-        return 0.0 if isinstance(self.square, float) and self.square == 0 else self.square * v
+        return self.constant - v * (self.square * v + self.linear)
 
 
 class AbstractShading(eqx.Module):

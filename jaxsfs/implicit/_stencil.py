@@ -49,19 +49,18 @@ def find_stencil(
     padded = jnp.pad(v, PAD, constant_values=HUGE)
 
     def compare(direction, best):
-        gap, code = best
-        first = jnp.int8(len(_KINDS)) * direction.astype(jnp.int8)
-        for kind, offer in enumerate(_offers(padded, v.shape, metric, balance, direction, second)):
-            closer = (owner == direction.astype(jnp.int8)) & (jnp.abs(offer - v) < gap)
-            gap, code = jnp.where(closer, jnp.abs(offer - v), gap), jnp.where(closer, first + jnp.int8(kind), code)
-        return gap, code
+        gap, kind = best
+        mine = owner == direction.astype(jnp.int8)
+        for k, offer in enumerate(_offers(padded, v.shape, metric, balance, direction, second)):
+            closer = mine & (jnp.abs(offer - v) < gap)
+            gap, kind = jnp.where(closer, jnp.abs(offer - v), gap), jnp.where(closer, jnp.int8(k), kind)
+        return gap, kind
 
-    start = jnp.full(v.shape, jnp.inf, v.dtype), jnp.full(v.shape, NO_DIRECTION, jnp.int8)
-    gap, code = jax.lax.fori_loop(0, len(STEPS), compare, start)
+    start = jnp.full(v.shape, jnp.inf, v.dtype), jnp.zeros(v.shape, jnp.int8)
+    gap, kind = jax.lax.fori_loop(0, len(STEPS), compare, start)
     found = free & (gap < 0.1 * HUGE)
-    direction, kind = code // jnp.int8(len(_KINDS)), code % jnp.int8(len(_KINDS))
     side, straight, diagonal = (jnp.asarray(column)[kind] for column in zip(*_KINDS, strict=True))
-    direction = jnp.where(found, direction, jnp.int8(NO_DIRECTION))
+    direction = jnp.where(found, owner, jnp.int8(NO_DIRECTION))
     return Stencil(direction, side.astype(jnp.int8), found & straight, found & diagonal)
 
 

@@ -47,8 +47,8 @@ def offered(neighbour, g11, g12, g22, balance: Balance, second):
     `g22`: inverse metric, 1 along the rows, 2 the way that they are asked; `second`: second-order differences.
 
     What `implicit._stencil` says edge by edge and triangle by triangle, in x = v − v(y) and D = a x − b, so that
-    nothing is divided before the root is, and of both triangles only the one on the side that the slope of the row
-    before points away from: a third of the time. Where v(y) is no data the root is NaN, which is less than nothing.
+    nothing is divided before the root is, and of both triangles only the one on the side from which the slope of the
+    row before says that the front comes. Where v(y) is no data the root is NaN, which is less than nothing.
     """
     determinant = g11 * g22 - g12 * g12
     here, m1, left, right = neighbour(0, 0), neighbour(1, 0), neighbour(1, -1), neighbour(1, 1)
