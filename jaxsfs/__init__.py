@@ -21,8 +21,9 @@ degrees in files and at the command line (`_deg`).
 Every public name is here once and is imported when first used, so that `import jaxsfs` is fast.
 """
 
-import importlib
 from typing import TYPE_CHECKING
+
+from jaxsfs._lazy import importer
 
 _HOME = {
     "jaxsfs.camera": (
@@ -251,10 +252,7 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     )
 
 
-def __getattr__(name: str) -> object:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'jaxsfs' has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE_OF[name]), name)
+__getattr__ = importer(__name__, _MODULE_OF)
 
 
 def __dir__() -> list[str]:

@@ -9,7 +9,7 @@ import jaxsfs
 
 ROOT = Path(jaxsfs.__file__).parent
 LAYERS = (
-    ("forms", "differences"),
+    ("_lazy", "forms", "differences"),
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading", "window"),
     ("updates",),

@@ -3,8 +3,9 @@
 Names are imported when first used: a calibration by circles does not wait for the libraries of the others.
 """
 
-import importlib
 from typing import TYPE_CHECKING
+
+from jaxsfs._lazy import importer
 
 _HOME = {
     "_compare": ("ModelScore",),
@@ -35,7 +36,4 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.calibration.white import WhiteCalibration as WhiteCalibration, calibrate_white as calibrate_white
 
 
-def __getattr__(name: str) -> object:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'jaxsfs.calibration' has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE_OF[name]), name)
+__getattr__ = importer(__name__, _MODULE_OF)

@@ -3,8 +3,9 @@
 Names are imported when first used: a command that only writes bytes does not wait for JAX.
 """
 
-import importlib
 from typing import TYPE_CHECKING
+
+from jaxsfs._lazy import importer
 
 _HOME = {
     "_also": ("check_formats", "write_also"),
@@ -50,7 +51,4 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.files._surface import write_surface as write_surface
 
 
-def __getattr__(name: str) -> object:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'jaxsfs.files' has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE_OF[name]), name)
+__getattr__ = importer(__name__, _MODULE_OF)

@@ -3,8 +3,9 @@
 Names are imported when first used: the page of a reconstruction does not wait for the calibrations' libraries.
 """
 
-import importlib
 from typing import TYPE_CHECKING
+
+from jaxsfs._lazy import importer
 
 _MODULE_OF = {
     "calibration_page": "jaxsfs.report._calibration",
@@ -21,7 +22,4 @@ if TYPE_CHECKING:  # what the table says, for editors and type checkers
     from jaxsfs.report._white import white_page as white_page, white_summary as white_summary
 
 
-def __getattr__(name: str) -> object:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'jaxsfs.report' has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE_OF[name]), name)
+__getattr__ = importer(__name__, _MODULE_OF)
