@@ -13,7 +13,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, Int8
 
 from jaxsfs.forms import Scalar
-from jaxsfs.shading import AbstractShading
+from jaxsfs.native import preferred
+from jaxsfs.shading import AbstractShading, Balance
 from jaxsfs.updates import HUGE, ROUNDS, Frame, Updates
 
 Image = Float[Array, "height width"]
@@ -46,14 +47,16 @@ def sweep(
     order: int = 2,
     max_rounds: int = 40,
     tolerance: float = 1e-6,
-    updates: Updates = "rows",
+    updates: Updates | None = None,
 ) -> Sweeps:
     """Solves for w on `inside`.
 
     `known`: w where it is given (Dirichlet), +inf elsewhere. Pixels outside `inside` are left out of every
     difference (state constraints). Stops when the mean relative change of v in a round is below `tolerance`: on a
-    noisy image single pixels go on flickering for no gain. `updates`: the order in which pixels are updated.
+    noisy image single pixels go on flickering for no gain. `updates`: the order in which pixels are updated, and by
+    whom; None takes rows, by Numba where that is installed and JAX works on the CPU.
     """
+    one_round = ROUNDS[updates or preferred()]
     given = inside & jnp.isfinite(known)
     p = power_for(shading, order)
     quadratic = order == 2 and shading.is_quadratic()
@@ -62,11 +65,14 @@ def sweep(
     v = jnp.where(jnp.isfinite(top), top, HUGE)
     g = inverse_metric
     frame = Frame(g[..., 0, 0], g[..., 0, 1], g[..., 1, 1], v, inside & ~given)
+    frames = frame, frame.transposed()
     extent = (v.shape[0] + v.shape[1]) / jnp.sqrt(jnp.max(jnp.where(inside, frame.g11, 0)))
 
-    def balance_of(v):
-        # a quadratic equation does not change: XLA computes it once
-        return shading.quadratic_balance() if quadratic else shading.balance(v, p)
+    # a quadratic equation does not change: it is computed and turned once
+    unchanging = _turned(shading.quadratic_balance()) if quadratic else None
+
+    def balance_of(v, axis):
+        return (unchanging or _turned(shading.balance(v, p)))[axis]
 
     def proceed(state):
         _, _, rounds, change, settled_at = state
@@ -78,7 +84,7 @@ def sweep(
         # solution settles and once more: at a kink it would change for ever
         second = (order == 2) & (rounds > 0)
         frozen = second & (rounds > settled_at + 1)
-        new, owner = ROUNDS[updates](v, owner, balance_of, frame, second, frozen)
+        new, owner = one_round(v, owner, balance_of, frames, second, frozen)
         change = jnp.mean(jnp.abs(new - v) / jnp.maximum(jnp.abs(new), extent), where=inside)
         return new, owner, rounds + 1, change, jnp.where(change < _SETTLED, jnp.minimum(settled_at, rounds), settled_at)
 
@@ -87,6 +93,11 @@ def sweep(
     v, owner, rounds, change, _ = jax.lax.while_loop(proceed, body, start)
     reached = inside & (v < 0.5 * HUGE)
     return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change, owner)
+
+
+def _turned(balance: Balance) -> tuple[Balance, Balance]:
+    """As it is, and with columns for rows."""
+    return balance, balance.map_images(jnp.transpose)
 
 
 def power_for(shading: AbstractShading, order: int) -> Scalar:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxsfs._once import once
 from jaxsfs.implicit._causal import Causal
 from jaxsfs.implicit._stencil import Stencil, Upwind, find_stencil, misfit, upwind_values
 from jaxsfs.shading import AbstractShading
@@ -65,10 +66,10 @@ def _solution_jvp(settings: _Settings, primals, tangents):
     top = jnp.where(given, known, shading.deadline())
     due = w >= top - 8 * jnp.finfo(w.dtype).eps * jnp.maximum(1, jnp.abs(w))
     data = jnp.where(reached, v, HUGE)
-    once = partial(_once, never=rounds < 0)
-    stencil = once(find_stencil(data, owner, shading, metric, p, reached & ~given & ~due, second))
-    held, upwind = once((v, upwind_values(data, stencil, HUGE)))
-    causal, slope = once(_linearised(held, upwind, stencil, shading, metric, p, second))
+    computed = partial(once, never=rounds < 0)
+    stencil = computed(find_stencil(data, owner, shading, metric, p, reached & ~given & ~due, second))
+    held, upwind = computed((v, upwind_values(data, stencil, HUGE)))
+    causal, slope = computed(_linearised(held, upwind, stencil, shading, metric, p, second))
 
     def by_parameters(shading, metric, known):
         p = jnp.asarray(power_for(shading, settings.order), w.dtype)
@@ -89,12 +90,6 @@ def _solution_jvp(settings: _Settings, primals, tangents):
     _, w_dot = jax.jvp(shading.lower, (v, p), (v_dot, p_dot))
     no_reached, no_rounds, no_owner = (np.zeros(x.shape, jax.dtypes.float0) for x in (reached, rounds, owner))
     return found, (jnp.where(reached, w_dot, 0), no_reached, no_rounds, jnp.zeros_like(change), no_owner)
-
-
-def _once(tree, never: Bool[Array, ""]):
-    """`tree`, computed once. Left alone, XLA computes it again in every loop that reads it (five times the time of the
-    whole derivative on a CPU), and it removes barriers before it fuses; it does not look through a branch."""
-    return jax.lax.cond(never, lambda t: jax.tree.map(jnp.zeros_like, t), lambda t: t, tree)
 
 
 def _linearised(

@@ -4,27 +4,26 @@ Pixels of an anti-diagonal i + j = d read those of the anti-diagonals before, so
 picture is sheared, S[i + j, j] = v[i, j], so that anti-diagonals lie in rows.
 """
 
-from collections.abc import Callable
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from jaxsfs.shading import Balance
-from jaxsfs.updates._pixel import HUGE, PAD, Frame, Image, Owners, offered, taken
+from jaxsfs.updates._pixel import HUGE, PAD, BalanceOf, Frame, Image, Owners, offered, taken
 
 _BEFORE = 2 * PAD  # anti-diagonals that second order reads
 
 
 def diagonals(
-    v: Image, owner: Owners, balance_of: Callable[[Image], Balance], frame: Frame, second, frozen
+    v: Image, owner: Owners, balance_of: BalanceOf, frames: tuple[Frame, Frame], second, frozen
 ) -> tuple[Image, Owners]:
     """One round: v and owners after a sweep from each of the four corners."""
+    frame, _ = frames
     for down in (True, False):
         for right in (True, False):
             corner = jnp.int8(2 * down + right)
             turn = (slice(None, None, 1 if down else -1), slice(None, None, 1 if right else -1))
-            balance = balance_of(v).map_images(lambda x, turn=turn: x[turn])
+            balance = balance_of(v, 0).map_images(lambda x, turn=turn: x[turn])
             turned = jax.tree.map(lambda x, turn=turn: x[turn], frame)
             sign = 1 if down == right else -1
             new = _from_corner(v[turn], owner[turn] == corner, balance, turned, sign, second, frozen)[turn]

@@ -1,29 +1,26 @@
 """All pixels at once, from the values before: as many operations in a row as a front has pixels to cross, each over the
 whole picture. For machines that do a picture as fast as a row."""
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 
-from jaxsfs.shading import Balance
-from jaxsfs.updates._pixel import HUGE, PAD, Frame, Image, Owners, offered, taken
+from jaxsfs.updates._pixel import HUGE, PAD, BalanceOf, Frame, Image, Owners, offered, taken
 
 
 def jacobi(
-    v: Image, owner: Owners, balance_of: Callable[[Image], Balance], frame: Frame, second, frozen
+    v: Image, owner: Owners, balance_of: BalanceOf, frames: tuple[Frame, Frame], second, frozen
 ) -> tuple[Image, Owners]:
     """One round: v and owners after as many steps as the picture's longer side has pixels."""
 
     def step(_, state):
-        return _step(state[0], state[1], balance_of, frame, second, frozen)
+        return _step(state[0], state[1], balance_of, frames[0], second, frozen)
 
     return jax.lax.fori_loop(0, max(v.shape), step, (v, owner))
 
 
 def _step(v: Image, owner: Owners, balance_of, frame: Frame, second, frozen) -> tuple[Image, Owners]:
     height, width = v.shape
-    balance = balance_of(v)
+    balance = balance_of(v, 0)
     padded = jnp.pad(v, PAD, constant_values=HUGE)
 
     def at(down: int, right: int) -> Image:

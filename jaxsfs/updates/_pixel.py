@@ -6,6 +6,8 @@ of the edges. First order: a = 1, m = v(y). Second order: a = 3/2, m = (4 v(y) â
 where v still falls there.
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int8
@@ -14,6 +16,9 @@ from jaxsfs.shading import Balance
 
 Image = Float[Array, "height width"]
 Owners = Int8[Array, "height width"]
+
+# The equation's right-hand side at v; with columns for rows where the second argument is 1.
+BalanceOf = Callable[[Image, int], Balance]
 
 PAD = 2  # rows and columns beyond the image that second order reads
 HUGE = 1e30  # v where there is no data: never upwind of anything

@@ -1,26 +1,22 @@
 """Row by row: down, up, right, left. Each pixel reads the row before it, so a row is one vector operation."""
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 
 from jaxsfs.shading import Balance
-from jaxsfs.updates._pixel import HUGE, PAD, Frame, Image, Owners, offered, taken
+from jaxsfs.updates._pixel import HUGE, PAD, BalanceOf, Frame, Image, Owners, offered, taken
 
 
 def rows(
-    v: Image, owner: Owners, balance_of: Callable[[Image], Balance], frame: Frame, second, frozen
+    v: Image, owner: Owners, balance_of: BalanceOf, frames: tuple[Frame, Frame], second, frozen
 ) -> tuple[Image, Owners]:
     """One round: v and owners after four sweeps."""
-    frames = (frame, frame.transposed())
     for axis in (0, 1):
         vt, ot = (x if axis == 0 else x.T for x in (v, owner))
         for forward in (True, False):
-            balance = balance_of(vt if axis == 0 else vt.T)
-            bt = balance if axis == 0 else balance.map_images(jnp.transpose)
+            balance = balance_of(vt if axis == 0 else vt.T, axis)
             direction = jnp.int8(2 * axis + forward)
-            vt, ot = _directional_sweep(vt, ot, bt, frames[axis], jnp.asarray(forward), direction, second, frozen)
+            vt, ot = _directional_sweep(vt, ot, balance, frames[axis], jnp.asarray(forward), direction, second, frozen)
         v, owner = (vt, ot) if axis == 0 else (vt.T, ot.T)
     return v, owner
 

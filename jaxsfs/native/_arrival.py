@@ -1,0 +1,246 @@
+"""Sweeps over the rows or columns for arrival times: `jaxsfs.arrival._rows._row_update`, a row in one loop."""
+
+import math
+from typing import no_type_check
+
+import numpy as np
+
+from jaxsfs.native._kernel import (
+    ARGUMENTS,
+    RESULTS,
+    buffers,
+    call_frame,
+    compiled,
+    copy,
+    image,
+    image_or_number,
+    is_question,
+    turn,
+    vector,
+)
+
+ZERO, QUARTER, HALF, ONE, TWO, FOUR = (np.float32(x) for x in (0, 0.25, 0.5, 1, 2, 4))  # exact in every type
+HUGE = np.float32(1e30)
+PAD = 2  # pixels beyond a row that second order reads
+
+
+@compiled
+@no_type_check
+def _limited(here, near, far):
+    """(a, b) of `jaxsfs.arrival._rows._limited`."""
+    fall, before = here - near, near - far
+    ratio = before / fall
+    share = min(FOUR * ratio - ONE, TWO - HALF * ratio)
+    share = share if share > ZERO else ZERO
+    share = share if share < ONE else ONE
+    share = HALF * share if fall > ZERO else ZERO
+    return ONE + share, share * before
+
+
+@compiled
+@no_type_check
+def _smooth(near, far):
+    """(a, b) of `jaxsfs.arrival._rows._smooth`."""
+    exists = far < HALF * HUGE
+    return ONE + (HALF if exists else ZERO), HALF * (near - far) if exists else ZERO
+
+
+@compiled
+@no_type_check
+def _from_triangle(straight, diagonal, p0, c0, p1, c1, slowness, root2):
+    """The value from between both neighbours, or along one of the edges to them."""
+    along = diagonal + (root2 * slowness + c1) / p1
+    edge = straight + (slowness + c0) / p0
+    edge = edge if edge < along else along
+    c1 = c1 + p1 * (diagonal - straight)
+    e, k = p0 - p1, c1 - c0
+    quad, half = p0 * p0 + e * e, p0 * c0 - e * k
+    x = (half + math.sqrt(half * half - quad * (c0 * c0 + k * k - slowness * slowness))) / quad
+    turn, d0 = e * x + k, p0 * x - c0
+    return straight + x if (turn <= ZERO) & (turn + d0 >= ZERO) else edge
+
+
+@compiled
+@no_type_check
+def _first_order(v, lines, slowness, root2):
+    """A row in place; nothing has a factor."""
+    n = v.shape[0]
+    here, straight = lines[0][PAD : n + PAD], lines[1][PAD : n + PAD]
+    left, right = lines[1][PAD - 1 : n + PAD - 1], lines[1][PAD + 1 : n + PAD + 1]
+    for j in range(n):
+        old, m, on_left, on_right, s = here[j], straight[j], left[j], right[j], slowness[j]
+        diagonal = on_left if on_left < on_right else on_right
+        gap = diagonal - m
+        x = math.sqrt(s * s - gap * gap)
+        along, edge = diagonal + root2 * s, m + s
+        edge = edge if edge < along else along
+        new = m + x if (gap <= ZERO) & (gap + x >= ZERO) else edge
+        v[j] = new if new < old else old
+
+
+@compiled
+@no_type_check
+def _second_order(v, lines, slowness, owners, bits, root2):
+    """A row in place: the first owner sets a pixel anew, the others lower it, and who owns nothing only by much."""
+    n = v.shape[0]
+    here, straight, after = lines[0][PAD : n + PAD], lines[1][PAD : n + PAD], lines[2][PAD : n + PAD]
+    left, right = lines[1][PAD - 1 : n + PAD - 1], lines[1][PAD + 1 : n + PAD + 1]
+    far_left, far_right = lines[2][0:n], lines[2][2 * PAD : n + 2 * PAD]
+    for j in range(n):
+        old, m, m1, on_left, on_right, s = here[j], straight[j], after[j], left[j], right[j], slowness[j]
+        m_left, m_right, own = far_left[j], far_right[j], owners[j]
+        from_left = on_right - on_left > ZERO
+        diagonal = on_left if from_left else on_right
+        a0, b0 = _limited(old, m, m1)
+        a1, b1 = _limited(old, diagonal, m_left if from_left else m_right)
+        new = _from_triangle(m, diagonal, a0, b0, a1, b1, s, root2)
+        owns, first = (own & bits[0]) != 0, (own & bits[1]) != 0
+        better = new < (old if owns else old - QUARTER * s)
+        v[j] = new if better | first else old
+
+
+@compiled
+@no_type_check
+def _with_factor(v, lines, slowness, owners, across, along, bits, root2, sign, second):
+    """A row in place with a factor T₀ (`jaxsfs.arrival._rows.Factor`), of first or second order."""
+    n = v.shape[0]
+    here, straight, after = lines[0][PAD : n + PAD], lines[1][PAD : n + PAD], lines[2][PAD : n + PAD]
+    left, right = lines[1][PAD - 1 : n + PAD - 1], lines[1][PAD + 1 : n + PAD + 1]
+    far_left, far_right = lines[2][0:n], lines[2][2 * PAD : n + 2 * PAD]
+    for j in range(n):
+        old, m, m1, on_left, on_right, s = here[j], straight[j], after[j], left[j], right[j], slowness[j]
+        m_left, m_right, own, fall, side = far_left[j], far_right[j], owners[j], sign * across[j], along[j]
+        from_left = on_right - on_left + TWO * side * m > ZERO
+        diagonal = on_left if from_left else on_right
+        a0, b0 = _smooth(m, m1 if second else HUGE)
+        a1, b1 = _smooth(diagonal, (m_left if from_left else m_right) if second else HUGE)
+        slope = fall + (side if from_left else -side)
+        a0, b0, a1, b1 = a0 + fall, b0 - fall * m, a1 + slope, b1 - slope * diagonal
+        new = _from_triangle(m, diagonal, a0, b0, a1, b1, s, root2)
+        owns, first = ((own & bits[0]) != 0) | (not second), (own & bits[1]) != 0
+        better = new < (old if owns else old - QUARTER * s)
+        v[j] = new if better | first else old
+
+
+@compiled
+@no_type_check
+def _updated(v, lines, slowness, owners, across, along, nth, second, factored):
+    """A row in place, by the sweep that is the `nth` of a round."""
+    real = slowness.dtype.type
+    root2, sign = real(math.sqrt(2)), real(1 - 2 * (nth % 2))
+    bits = np.uint8(1 << nth), np.uint8(16 << nth)
+    if factored:
+        _with_factor(v, lines, slowness, owners, across, along, bits, root2, sign, second)
+    elif second:
+        _second_order(v, lines, slowness, owners, bits, root2)
+    else:
+        _first_order(v, lines, slowness, root2)
+
+
+@compiled
+@no_type_check
+def _sweep(v, slowness, owners, factor, nth, second, factored):
+    """A sweep down (even `nth`) or up the rows, in place. Of what is the same everywhere there is one row."""
+    across, along = factor
+    height, width = v.shape
+    lines = np.full((3, width + 2 * PAD), v.dtype.type(HUGE))
+    for n in range(height):
+        i = n if nth % 2 == 0 else height - 1 - n
+        rows = lines[n % 3], lines[(n + 2) % 3], lines[(n + 1) % 3]
+        copy(v[i], rows[0][PAD : width + PAD])
+        local = across[i % across.shape[0]], along[i % along.shape[0]]
+        _updated(v[i], rows, slowness[i], owners[i], local[0], local[1], nth, second, factored)
+        copy(v[i], rows[0][PAD : width + PAD])
+
+
+@compiled
+@no_type_check
+def _offers(v, offers, slowness, factor, nth, factored):
+    """What each pixel is offered in first order from the row before it, v as it is: less than a row without data."""
+    across, along = factor
+    height, width = v.shape
+    step = 1 if nth % 2 == 0 else -1
+    nobody = np.zeros(width, np.uint8)
+    lines = np.full((2, width + 2 * PAD), v.dtype.type(HUGE))
+    for i in range(height):
+        offers[i, :] = v.dtype.type(HUGE)
+        if 0 <= i - step < height:
+            copy(v[i - step], lines[1, PAD : width + PAD])
+            local = across[i % across.shape[0]], along[i % along.shape[0]]
+            rows = lines[0], lines[1], lines[0]
+            _updated(offers[i], rows, slowness[i], nobody, local[0], local[1], nth, False, factored)
+
+
+@compiled
+@no_type_check
+def _sweeps_called(address, real):
+    """One call by XLA: arguments and result as `jaxsfs.arrival._numba` lists them."""
+    frame = call_frame(address)
+    if is_question(frame):
+        return 0
+    given, wanted = buffers(frame, ARGUMENTS, 6), buffers(frame, RESULTS, 1)
+    v, new, slowness, owners = image(given[0], real), image(wanted[0], real), image(given[1], real), given[2]
+    width = slowness.shape[1]
+    factor = image_or_number(given[3], width, real), image_or_number(given[4], width, real)
+    flags = vector(given[5], 3, np.int8)
+    columns, second, factored = np.int64(flags[0]), flags[1] != 0, flags[2] != 0
+    swept = np.empty(slowness.shape, real) if columns else new
+    if columns:
+        turn(v, swept)
+    else:
+        for i in range(v.shape[0]):
+            copy(v[i], new[i])
+    for backward in range(2):
+        _sweep(swept, slowness, image(owners, np.uint8), factor, 2 * columns + backward, second, factored)
+    if columns:
+        turn(swept, new)
+    return 0
+
+
+@compiled
+@no_type_check
+def _offers_called(address, real):
+    """The same for offers."""
+    frame = call_frame(address)
+    if is_question(frame):
+        return 0
+    given, wanted = buffers(frame, ARGUMENTS, 5), buffers(frame, RESULTS, 2)
+    v, slowness = image(given[0], real), image(given[1], real)
+    width = slowness.shape[1]
+    factor = image_or_number(given[2], width, real), image_or_number(given[3], width, real)
+    flags = vector(given[4], 2, np.int8)
+    columns, factored = np.int64(flags[0]), flags[1] != 0
+    values = np.empty(slowness.shape, real) if columns else v
+    if columns:
+        turn(v, values)
+    for backward in range(2):
+        offers = image(wanted[backward], real)
+        turned = np.empty(slowness.shape, real) if columns else offers
+        _offers(values, turned, slowness, factor, 2 * columns + backward, factored)
+        if columns:
+            turn(turned, offers)
+    return 0
+
+
+@no_type_check
+def sweeps_in_single(address):
+    """Both sweeps over the rows or columns of float32 images, for `registered`."""
+    return _sweeps_called(address, np.float32)
+
+
+@no_type_check
+def sweeps_in_double(address):
+    """Both sweeps over the rows or columns of float64 images, for `registered`."""
+    return _sweeps_called(address, np.float64)
+
+
+@no_type_check
+def offers_in_single(address):
+    """What each pixel of a float32 image is offered from both sides, for `registered`."""
+    return _offers_called(address, np.float32)
+
+
+@no_type_check
+def offers_in_double(address):
+    """What each pixel of a float64 image is offered from both sides, for `registered`."""
+    return _offers_called(address, np.float64)

@@ -1,0 +1,158 @@
+"""Functions that Numba compiles for the CPU, called by XLA within a jitted program.
+
+XLA hands a foreign function the address of a call frame (`xla/ffi/api/c_api.h`, the binary interface is stable within
+its major version 0): the addresses of the buffers of its arguments and results, with their extents. All fields are
+eight bytes wide or padded to it, so that the frame is read as an array of 64-bit words.
+"""
+
+import ctypes
+from collections.abc import Callable
+from functools import cache
+from typing import Any, no_type_check
+
+import jax
+import numba
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+# Not-a-number marks what has no solution, so that neither it nor infinity may be reasoned away.
+FLAGS = {"nsz", "contract"}
+
+
+def _kept(decorator: Callable[..., Any], *arguments, **more) -> Callable[..., Any]:
+    """The decorator with what it compiles kept for later processes, where there is a folder for that."""
+
+    def decorate(function):
+        try:
+            return decorator(*arguments, cache=True, **more)(function)
+        except RuntimeError:  # neither the package's folder nor the user's can be written to
+            return decorator(*arguments, **more)(function)
+
+    return decorate
+
+
+compiled = _kept(numba.njit, fastmath=FLAGS, error_model="numpy", nogil=True)
+
+_FRAME_WORDS, _EXTENSION, ARGUMENTS, RESULTS = 22, 1, 9, 14
+_BUFFER_WORDS, _DATA, _RANK, _EXTENTS = 6, 3, 4, 5
+SQUARE = 16  # pixels that are turned together
+_METADATA = 1  # the extension by which XLA asks which interface a function speaks
+_VERSION = 6  # words of 32 bits in the metadata: major and minor version, traits
+
+
+@intrinsic
+@no_type_check
+def _pointer(typing, address, dtype):
+    """The address as a pointer to numbers of a type."""
+    signature = types.CPointer(dtype.dtype)(address, dtype)
+    return signature, lambda context, builder, s, a: builder.inttoptr(a[0], context.get_value_type(s.return_type))
+
+
+@compiled
+@no_type_check
+def words(address, count):
+    """64-bit words from an address on."""
+    return numba.carray(_pointer(address, np.int64), (count,))
+
+
+@compiled
+@no_type_check
+def buffers(frame, where, count):
+    """The buffers of the arguments (`where` is ARGUMENTS) or results (RESULTS), a row each."""
+    table = np.empty((count, _BUFFER_WORDS), np.int64)
+    for n in range(count):
+        copy(words(words(frame[where], count)[n], _BUFFER_WORDS), table[n])
+    return table
+
+
+@compiled
+@no_type_check
+def extents(buffer):
+    """(height, width)."""
+    size = words(buffer[_EXTENTS], 2)
+    return size[0], size[1]
+
+
+@compiled
+@no_type_check
+def image(buffer, dtype):
+    """A buffer of rank 2."""
+    return numba.carray(_pointer(buffer[_DATA], dtype), extents(buffer))
+
+
+@compiled
+@no_type_check
+def vector(buffer, count, dtype):
+    """The first numbers of a buffer."""
+    return numba.carray(_pointer(buffer[_DATA], dtype), (count,))
+
+
+@compiled
+@no_type_check
+def image_or_number(buffer, width, dtype):
+    """A buffer of rank 2, or one of rank 0 as a single row."""
+    if buffer[_RANK] == 2:
+        return image(buffer, dtype)
+    row = np.empty((1, width), dtype)
+    row[0, :] = vector(buffer, 1, dtype)[0]
+    return row
+
+
+@compiled
+@no_type_check
+def is_question(frame):
+    """Whether XLA asks for the interface instead of calling; the answer is written where it wants it."""
+    if frame[_EXTENSION] == 0:
+        return False
+    extension = words(frame[_EXTENSION], 4)
+    if np.int32(extension[1]) != _METADATA:
+        return False
+    metadata = numba.carray(_pointer(extension[3], np.int32), (_VERSION + 3,))
+    metadata[_VERSION], metadata[_VERSION + 1], metadata[_VERSION + 2] = 0, 1, 0
+    return True
+
+
+@compiled
+@no_type_check
+def call_frame(address):
+    """The call frame that XLA passes."""
+    return numba.carray(address, (_FRAME_WORDS,))
+
+
+@compiled
+@no_type_check
+def copy(source, target):
+    """Of a vector. (An assignment to a slice brings its error messages with it, half a minute of compilation.)"""
+    for j in range(source.shape[0]):
+        target[j] = source[j]
+
+
+@compiled
+@no_type_check
+def turn(source, target):
+    """target[j, i] = source[i, j], by squares that stay in the cache."""
+    height, width = source.shape
+    for top in range(0, height, SQUARE):
+        for left in range(0, width, SQUARE):
+            square = source[top : top + SQUARE, left : left + SQUARE]
+            turned = target[left : left + SQUARE, top : top + SQUARE]
+            for j in range(square.shape[1]):
+                column, row = square[:, j], turned[j]
+                for i in range(column.shape[0]):
+                    row[i] = column[i]
+
+
+@cache
+def registered(function: Callable[..., int]) -> str:
+    """The name under which XLA knows `function`(call frame), which Numba compiles here, once a process."""
+    native = _kept(numba.cfunc, types.int64(types.CPointer(types.int64)))(function)
+    name = f"{function.__module__}.{function.__qualname__}"
+    jax.ffi.register_ffi_target(name, _capsule(native.address), platform="cpu")
+    return name
+
+
+def _capsule(address: int):
+    make = ctypes.pythonapi.PyCapsule_New
+    make.restype, make.argtypes = ctypes.py_object, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
+    return make(address, None, None)

@@ -1,0 +1,164 @@
+"""Sweeps over the rows or columns of the static form: `jaxsfs.updates._rows`, a row in one loop."""
+
+import math
+from typing import no_type_check
+
+import numpy as np
+
+from jaxsfs.native._kernel import (
+    ARGUMENTS,
+    RESULTS,
+    buffers,
+    call_frame,
+    compiled,
+    copy,
+    image,
+    image_or_number,
+    is_question,
+    turn,
+    vector,
+)
+
+ZERO, HALF, ONE, TWO, FOUR = (np.float32(x) for x in (0, 0.5, 1, 2, 4))  # exact in every type
+HUGE = np.float32(1e30)
+PAD = 2  # pixels beyond a row that second order reads
+
+
+@compiled
+@no_type_check
+def _difference(here, near, far, second):
+    """(a, b) of `jaxsfs.updates._pixel`; `second` is ½, or 0 for first order."""
+    fall, before = here - near, near - far
+    ratio = before / fall
+    share = min(FOUR * ratio - ONE, TWO - HALF * ratio)
+    share = share if share > ZERO else ZERO
+    share = share if share < ONE else ONE
+    share = second * share if fall > ZERO else ZERO
+    return ONE + share, share * before
+
+
+@compiled
+@no_type_check
+def _lower_edge(best, m, a, b, determinant, h, constant, linear, square):
+    """`best`, or what comes along an edge where that is less."""
+    slope, left = square * m + HALF * linear, constant - m * (square * m + linear)
+    scaled = determinant * a
+    quad, half = scaled * a + h * square, scaled * b - h * slope
+    rest = determinant * b * b - h * left
+    v = m + (half + math.sqrt(half * half - quad * rest)) / quad
+    return v if (v >= m) & (v < best) else best
+
+
+@compiled
+@no_type_check
+def _row(v, owner, lines, metric, balance, top, free, direction, way):
+    """New values of a row in place: `jaxsfs.updates._pixel.offered` and `taken`, pixel by pixel.
+
+    `lines`: this row as it was and the two that were swept before it, each with a margin of two pixels; `way`: the sign
+    of g₁₂, ½ for second order and 0 for first, and what an offer must be better by. Slices of one length make the loop
+    one of vector operations.
+    """
+    (sign, second, better), (g11, g12, g22), (constant, linear, square) = way, metric, balance
+    n = v.shape[0]
+    here, straight, after = lines[0][PAD : n + PAD], lines[1][PAD : n + PAD], lines[2][PAD : n + PAD]
+    left, right = lines[1][PAD - 1 : n + PAD - 1], lines[1][PAD + 1 : n + PAD + 1]
+    far_left, far_right = lines[2][0:n], lines[2][2 * PAD : n + 2 * PAD]
+    for j in range(n):
+        old, m1, on_left, on_right, m11 = here[j], straight[j], left[j], right[j], after[j]
+        m_left, m_right = far_left[j], far_right[j]
+        a11, a12, a22 = g11[j], sign * g12[j], g22[j]
+        c0, c1, c2 = constant[j], linear[j], square[j]
+        limit, own, may = top[j], owner[j], free[j]
+        determinant = a11 * a22 - a12 * a12
+        pull, room = c2 * m1 + HALF * c1, c0 - m1 * (c2 * m1 + c1)
+        # right − left < −2 g₁₂ √(room/(g₁₁ |g|)), squared with its signs
+        rise, skew = on_right - on_left, -TWO * a12
+        bounded = room if room > ZERO else ZERO
+        from_right = rise * abs(rise) * (a11 * determinant) < skew * abs(skew) * bounded
+        m2 = on_right if from_right else on_left
+        m22 = m_right if from_right else m_left
+        a12 = a12 if from_right else -a12
+        a1, b1 = _difference(old, m1, m11, second)
+        a2, b2 = _difference(old, m2, m22, second)
+        best = _lower_edge(HUGE, m1, a1, b1, determinant, a11, c0, c1, c2)
+        best = _lower_edge(best, m2, a2, b2, determinant, a11 + TWO * a12 + a22, c0, c1, c2)
+        a, b = a1 - a2, b1 - b2 - a2 * (m2 - m1)
+        across, along = a22 * a1 + a12 * a, a12 * a1 + a11 * a
+        quad = a1 * across + a * along + c2
+        half = b1 * across + b * along - pull
+        rest = b1 * (a22 * b1 + TWO * a12 * b) + a11 * b * b - room
+        x = (half + math.sqrt(half * half - quad * rest)) / quad
+        p1, p2 = a1 * x - b1, a * x - b
+        aside = a12 * p1 + a11 * p2
+        between = (aside <= ZERO) & (a22 * p1 + a12 * p2 + aside >= ZERO) & (p1 >= ZERO) & (p1 >= p2)
+        offer = m1 + x if between & (m1 + x < best) else best
+        takes = (may != 0) & ((offer < old - better) | (own == direction))
+        offer = offer if offer < limit else limit
+        v[j] = offer if takes else old
+    # by itself: with a second result the first loop would not become one of vector operations
+    for j in range(n):
+        owner[j] = direction if v[j] < here[j] else owner[j]
+
+
+@compiled
+@no_type_check
+def _sweep(v, owner, metric, balance, top, free, direction, forward, way):
+    """A sweep down (`forward`) or up the rows, in place. Of what is the same everywhere there is one row."""
+    (g11, g12, g22), (constant, linear, square) = metric, balance
+    height, width = v.shape
+    lines = np.full((3, width + 2 * PAD), v.dtype.type(HUGE))
+    for n in range(height):
+        i = n if forward else height - 1 - n
+        here, before, beyond = lines[n % 3], lines[(n + 2) % 3], lines[(n + 1) % 3]
+        copy(v[i], here[PAD : width + PAD])
+        coefficients = constant[i % constant.shape[0]], linear[i % linear.shape[0]], square[i % square.shape[0]]
+        local = g11[i], g12[i], g22[i]
+        _row(v[i], owner[i], (here, before, beyond), local, coefficients, top[i], free[i], direction, way)
+        copy(v[i], here[PAD : width + PAD])
+
+
+@compiled
+@no_type_check
+def _called(address, real):
+    """One call by XLA: arguments and results as `jaxsfs.updates._numba` lists them."""
+    frame = call_frame(address)
+    if is_question(frame):
+        return 0
+    given, wanted = buffers(frame, ARGUMENTS, 11), buffers(frame, RESULTS, 2)
+    v, owner = image(given[0], real), image(given[1], np.int8)
+    metric = image(given[2], real), image(given[3], real), image(given[4], real)
+    top, free = image(given[5], real), image(given[6], np.bool_)
+    width = top.shape[1]
+    constant, linear = image_or_number(given[7], width, real), image_or_number(given[8], width, real)
+    balance = constant, linear, image_or_number(given[9], width, real)
+    flags = vector(given[10], 3, np.int8)
+    columns, second, frozen = flags[0], real(0.5 if flags[1] else 0), real(4e30 if flags[2] else 0)
+    new, new_owner = image(wanted[0], real), image(wanted[1], np.int8)
+    if columns:
+        swept, swept_owner = np.empty(top.shape, real), np.empty(top.shape, np.int8)
+        turn(v, swept)
+        turn(owner, swept_owner)
+    else:
+        swept, swept_owner = new, new_owner
+        for i in range(v.shape[0]):
+            copy(v[i], new[i])
+            copy(owner[i], new_owner[i])
+    for forward in (True, False):
+        way = (real(1 if forward else -1), second, frozen)
+        _sweep(swept, swept_owner, metric, balance, top, free, np.int8(2 * columns + forward), forward, way)
+    if columns:
+        turn(swept, new)
+        turn(swept_owner, new_owner)
+    return 0
+
+
+@no_type_check
+def sweeps_in_single(address):
+    """Both sweeps over the rows or columns of float32 images, for `registered`."""
+    return _called(address, np.float32)
+
+
+@no_type_check
+def sweeps_in_double(address):
+    """Both sweeps over the rows or columns of float64 images, for `registered`."""
+    return _called(address, np.float64)
