@@ -4,6 +4,7 @@ XLA makes a row of a sweep out of some hundred vector operations and computes sh
 one loop. The functions know nothing of cameras or surfaces; what they compute is that of their namesakes in JAX.
 """
 
+import importlib
 import importlib.util
 from functools import cache
 from typing import Literal
@@ -23,25 +24,24 @@ def preferred() -> Literal["rows", "numba"]:
     return "numba" if is_available() and jax.default_backend() == "cpu" else "rows"
 
 
-def target_for_sweeps(dtype) -> str:
-    """The name under which XLA calls both sweeps over rows or columns of the static form, for images of a type."""
-    from jaxsfs.native import _rows
+Target = Literal["sweeps", "arrivals", "offers", "pulls", "pushes"]
+_MODULES: dict[Target, str] = {
+    "sweeps": "_rows",
+    "arrivals": "_arrival",
+    "offers": "_arrival",
+    "pulls": "_causal",
+    "pushes": "_causal",
+}
+
+
+def target_for(what: Target, dtype) -> str:
+    """The name under which XLA calls a function on images of a type; compiled when it is first asked for.
+
+    `sweeps` over rows or columns of the static form; `arrivals`: the same for arrival times, and the `offers` of both
+    sides; `pulls` and `pushes`: of the linear system of derivatives and its transpose. Raises ModuleNotFoundError where
+    Numba is not installed.
+    """
     from jaxsfs.native._kernel import registered
 
-    return registered(_rows.sweeps_in_single if dtype == np.float32 else _rows.sweeps_in_double)
-
-
-def target_for_arrival(dtype) -> str:
-    """The same for arrival times."""
-    from jaxsfs.native import _arrival
-    from jaxsfs.native._kernel import registered
-
-    return registered(_arrival.sweeps_in_single if dtype == np.float32 else _arrival.sweeps_in_double)
-
-
-def target_for_offers(dtype) -> str:
-    """The name under which XLA asks what arrival times each pixel is offered from both sides."""
-    from jaxsfs.native import _arrival
-    from jaxsfs.native._kernel import registered
-
-    return registered(_arrival.offers_in_single if dtype == np.float32 else _arrival.offers_in_double)
+    module = importlib.import_module(f"jaxsfs.native.{_MODULES[what]}")
+    return registered(getattr(module, f"{what}_in_{'single' if dtype == np.float32 else 'double'}"))

@@ -223,13 +223,13 @@ def _offers_called(address, real):
 
 
 @no_type_check
-def sweeps_in_single(address):
+def arrivals_in_single(address):
     """Both sweeps over the rows or columns of float32 images, for `registered`."""
     return _sweeps_called(address, np.float32)
 
 
 @no_type_check
-def sweeps_in_double(address):
+def arrivals_in_double(address):
     """Both sweeps over the rows or columns of float64 images, for `registered`."""
     return _sweeps_called(address, np.float64)
 

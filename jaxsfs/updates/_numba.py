@@ -21,10 +21,10 @@ def compiled_rows(
 def _both_sweeps(v: Image, owner: Owners, frame: Frame, balance: Balance, flags) -> Any:
     """There and back over the rows or the columns; `frame` and `balance` have columns for rows for the latter, v and
     owners never. `flags`: whether over columns, second order, frozen owners."""
-    from jaxsfs.native import target_for_sweeps
+    from jaxsfs.native import target_for
 
     same = tuple(jax.ShapeDtypeStruct(x.shape, x.dtype) for x in (v, owner))
-    call = jax.ffi.ffi_call(target_for_sweeps(v.dtype), same, vmap_method="sequential")
+    call = jax.ffi.ffi_call(target_for("sweeps", v.dtype), same, vmap_method="sequential")
     numbers = (jnp.asarray(x, v.dtype) for x in (balance.constant, balance.linear, balance.square))
     flags = jnp.stack([jnp.asarray(x, jnp.int8) for x in flags])
     return call(v, owner, frame.g11, frame.g12, frame.g22, frame.top, frame.free, *numbers, flags)
