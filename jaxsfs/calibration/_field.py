@@ -55,6 +55,11 @@ def photograph_from(
             "is the light on, the right file given?"
         )
     field = _lit_field(grey)
+    if not field.any():
+        raise ValueError(
+            f"the photograph is {np.median(grey):.0%} of full scale everywhere: nothing is to be seen in it. Is it "
+            "overexposed, the right file given?"
+        )
     saturated = cv2.morphologyEx((brightest >= 0.995).astype(np.uint8), cv2.MORPH_OPEN, _diamond(1))
     # the picture's own border is no rim of the field: cv2 takes what lies beyond for lit
     inner = cv2.erode(field.astype(np.uint8), _diamond(4))
