@@ -8,6 +8,7 @@ import pytest
 from data_synth.target_patterns import BlankSheet, Rings
 from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_circles, tilted
+from jaxsfs.calibration._compare import verdict
 from jaxsfs.calibration._eq20 import estimators
 from jaxsfs.calibration._guards import _height_warnings, check_possible
 from jaxsfs.calibration.circles import _not_found
@@ -44,6 +45,18 @@ def test_pose_width_and_verdict_are_reported(one_view):
     assert one_view.verdict.startswith("The lens obeys r = f sin α")
     models = {row["model"]: row for row in one_view.figures()["models"]}
     assert models["spherical"]["bic"] < models["equisolid"]["bic"] - 100
+
+
+def test_a_lens_is_called_a_sine_only_if_no_other_of_one_parameter_fits_as_well(one_view):
+    def said(**bic: float) -> str:
+        bics = {name.replace("_", "-"): value for name, value in bic.items()}
+        rows = [dataclasses.replace(s, bic=bics[s.name], held_out=1.0) for s in one_view.comparison if s.name in bics]
+        return verdict(sorted(rows, key=lambda score: score.bic))
+
+    assert said(spherical=-100.0, equisolid=-80.0, spherical_k=-98.0).startswith("The lens obeys r = f sin α")
+    narrow = said(spherical=-100.0, equisolid=-95.0, equidistant=-91.0, stereographic=-80.0)
+    assert "but so does equisolid and equidistant: the photographs do not tell them apart" in narrow
+    assert "stereographic" not in narrow
 
 
 def test_the_uncertainty_map_grows_outward_and_ends_with_the_lens(one_view):
