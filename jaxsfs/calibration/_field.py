@@ -55,17 +55,25 @@ def photograph_from(
             "is the light on, the right file given?"
         )
     field = _lit_field(grey)
-    if not field.any():
-        raise ValueError(
-            f"the photograph is {np.median(grey):.0%} of full scale everywhere: nothing is to be seen in it. Is it "
-            "overexposed, the right file given?"
-        )
     saturated = cv2.morphologyEx((brightest >= 0.995).astype(np.uint8), cv2.MORPH_OPEN, _diamond(1))
     # the picture's own border is no rim of the field: cv2 takes what lies beyond for lit
     inner = cv2.erode(field.astype(np.uint8), _diamond(4))
     usable = (inner > 0) & (cv2.dilate(saturated, _diamond(5)) == 0)
     linear = np.interp(grey, _STEPS, np.asarray(jax.jit(response.decode)(_STEPS)))
     return Photograph(grey, linear, field, usable)
+
+
+def target_photograph(
+    image: Shaped[np.ndarray, "height width *channels"], response: AbstractResponse | None = None
+) -> Photograph:
+    """`photograph_from` for pictures in which something is drawn. Raises ValueError for one without a contrast too."""
+    photo = photograph_from(image, response)
+    if not photo.field.any():
+        raise ValueError(
+            f"the photograph is {np.median(photo.grey):.0%} of full scale everywhere: nothing is to be seen in it. Is "
+            "it overexposed, the right file given?"
+        )
+    return photo
 
 
 def _diamond(reach: int) -> np.ndarray:
