@@ -44,6 +44,12 @@ def circles_page(
     return page.pdf(f"circles, radii {_listed(values)} mm, lines {line:g} mm", command)
 
 
+def equally_spaced(radii: Sequence[Length]) -> bool:
+    """Whether three circles or more have equal steps between them, so that a shift by one looks nearly alike."""
+    steps = [b - a for a, b in itertools.pairwise(radii)]
+    return len(steps) > 1 and max(steps) - min(steps) < 0.01 * max(steps)
+
+
 def grid_page(pitch: Length = 5.0, width: Length | None = None, paper: str = "A4") -> bytes:
     """A square grid of lines over the page as PDF, `pitch` mm apart, `width` mm wide (None: a tenth of the pitch).
 

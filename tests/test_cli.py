@@ -1,28 +1,23 @@
-"""The command line as a user meets it: render, reconstruct, evaluate, rectify, help, provenance, Ctrl-C."""
+"""The command line as a user meets it: render, reconstruct, evaluate, rectify."""
 
 import json
 import re
 import shlex
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
+from cli_folders import reconstruct, record, rendered
 
 from jaxsfs import files
 from jaxsfs.cli import main
-from jaxsfs.cli._main import COMMANDS
 from jaxsfs.cli._reconstruct_input import _as_seen
 from jaxsfs.field import find_field
 from jaxsfs.reconstruction import Reconstruction
 
-SMALL = ["--width", "96", "--height", "96"]
 WRITTEN = {
     *("range.tiff", "depth.tiff", "normals.tiff", "mask.png", "mesh.ply", "mesh.glb", "depth.png", "shaded.png"),
     *("result.json", "report.html"),
@@ -39,9 +34,7 @@ def cache(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def view(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("rendered") / "view"
-    assert main(["render", "wavy-wall", *SMALL, "--falloff", "cos:1", "--bits", "16", "--out", str(folder)]) == 0
-    return folder
+    return rendered(tmp_path_factory.mktemp("rendered") / "view")
 
 
 @pytest.fixture(scope="module")
@@ -49,21 +42,6 @@ def result(view) -> Path:
     folder = view.parent / "result"
     assert main(reconstruct(view, folder)) == 0
     return folder
-
-
-def reconstruct(view: Path, out: Path, *more: str) -> list[str]:
-    return ["reconstruct", str(view / "image.png"), "--camera", str(view / "camera.json"), "--out", str(out), *more]
-
-
-def record(folder: Path) -> dict:
-    return json.loads((folder / "result.json").read_text())
-
-
-def with_photometry(view: Path, path: Path, **photometry) -> Path:
-    """A copy of the view's camera file with other photometry."""
-    camera = json.loads((view / "camera.json").read_text())
-    path.write_text(json.dumps(camera | {"photometry": photometry}))
-    return path
 
 
 def test_what_render_writes(view):
@@ -237,80 +215,6 @@ def test_an_existing_result_is_kept_without_force(view, result, capsys):
     assert (result / "result.json").read_bytes() == before
 
 
-class TestProvenance:
-    """Command line beats camera file beats default; each value says where it came from."""
-
-    def options(self, view, tmp_path, *more, **photometry):
-        camera = with_photometry(view, tmp_path / "camera.json", **photometry)
-        words = ["reconstruct", str(view / "image.png"), "--camera", str(camera), "--out", str(tmp_path / "out")]
-        assert main([*words, "--force", *more]) in (0, 3)
-        said = record(tmp_path / "out")
-        return {name: (entry["value"], entry["origin"]) for name, entry in said["options"].items()} | {
-            "unit": said["unit"]
-        }
-
-    def test_defaults(self, view, tmp_path):
-        options = self.options(view, tmp_path)
-        assert options["response"] == ("linear", "automatic (uint16 image)")
-        assert options["falloff"] == ("none", "default")
-        assert options["reflectance"] == ("lambertian", "default")
-        assert options["channel"] == ("luminance", "default")
-        assert options["albedo"] == (1.0, "default: the surface is known up to one scale factor")
-        assert options["mask"][1] == "automatic"
-        assert options["initial"] == ("deadline", "default")
-
-    def test_the_camera_file(self, view, tmp_path):
-        photometry = {"response": "gamma:2.2", "falloff": "exp:1", "reflectance": "power:0.65", "gain_albedo": 2.5}
-        options = self.options(view, tmp_path, **photometry, unit="mm")
-        for name in ("response", "falloff", "reflectance"):
-            assert options[name] == (photometry[name], "camera file")
-        assert options["albedo"] == (2.5, "camera file")
-        assert options["unit"] == "mm"
-
-    def test_the_command_line(self, view, tmp_path):
-        given = {"response": "srgb", "falloff": "none", "reflectance": "power:0.8", "channel": "green"}
-        words = [word for name, text in given.items() for word in (f"--{name}", text)]
-        photometry = {"response": "gamma:2.2", "falloff": "exp:1", "reflectance": "power:0.65", "gain_albedo": 2.5}
-        options = self.options(view, tmp_path, *words, **photometry)
-        for name, text in given.items():
-            assert options[name] == (text, "command line")
-        # the product was measured for luminance and says nothing about green
-        assert options["albedo"][1].startswith("default")
-
-    def test_auto_on_the_command_line_beats_the_camera_file(self, view, tmp_path):
-        options = self.options(view, tmp_path, "--response", "auto", response="gamma:2.2")
-        assert options["response"] == ("linear", "automatic (uint16 image)")
-
-    def test_albedo(self, view, tmp_path):
-        options = self.options(view, tmp_path, "--albedo", "4", gain_albedo=2.5)
-        assert options["albedo"] == (4.0, "command line")
-
-    def test_a_mask_file(self, view, tmp_path):
-        mask = np.zeros((96, 96), np.uint8)
-        mask[30:60, 30:70] = 1
-        files.write_png(tmp_path / "mask.png", mask)
-        options = self.options(view, tmp_path, "--mask", str(tmp_path / "mask.png"))
-        assert options["mask"] == (f"{tmp_path}/mask.png, 13% of the image", "command line")
-        assert np.isfinite(tifffile.imread(tmp_path / "out/range.tiff")).sum() == 30 * 40
-
-    @pytest.mark.parametrize(
-        ("photometry", "message"),
-        [
-            ({"response": 2.2}, "'response' must be a text such as 'srgb', got 2.2"),
-            ({"falloff": "cosine"}, "falloff 'cosine' is unknown"),
-            ({"gain_albedo": -1}, "'gain_albedo' must be a positive number, got -1"),
-            ({"gain_albedo": 1, "unit": "cm"}, "'unit' must be mm or scene units, got 'cm'"),
-        ],
-    )
-    def test_bad_photometry_names_file_and_key(self, view, tmp_path, capsys, photometry, message):
-        camera = with_photometry(view, tmp_path / "camera.json", **photometry)
-        words = ["reconstruct", str(view / "image.png"), "--camera", str(camera), "--out", str(tmp_path / "out")]
-        assert main(words) == 2
-        said = capsys.readouterr().err
-        assert "camera.json" in said
-        assert message in said
-
-
 def test_a_known_range_sets_the_scale(view, result, tmp_path):
     assert main(reconstruct(view, tmp_path / "out", "--known-range", "40,50,12.5")) == 0
     scaled, plain = tifffile.imread(tmp_path / "out/range.tiff"), tifffile.imread(result / "range.tiff")
@@ -381,105 +285,6 @@ def test_a_result_that_is_not_to_be_trusted_is_written_with_exit_code_3(view, tm
     }
     assert "check the mask" in capsys.readouterr().out
     assert {p.name for p in (tmp_path / "out").iterdir()} == WRITTEN
-
-
-class TestHelp:
-    @pytest.mark.parametrize("words", [["--help"], ["-h"], ["help"]])
-    def test_lists_the_commands(self, words, capsys):
-        assert main(words) == 0
-        text = capsys.readouterr().out
-        assert all(f"  {name} " in text for name in COMMANDS)
-        assert "exit codes: 0 good, 2 bad input, 3" in text
-
-    def test_nothing_at_all_is_bad_input(self, capsys):
-        assert main([]) == 2
-        said = capsys.readouterr()
-        assert said.out == ""
-        assert "usage: jaxsfs" in said.err
-
-    def test_version(self, capsys):
-        assert main(["--version"]) == 0
-        assert re.fullmatch(r"jaxsfs \d+\.\d+\S*\n", capsys.readouterr().out)
-
-    def test_a_misspelt_command(self, capsys):
-        assert main(["reconstuct"]) == 2
-        assert capsys.readouterr().err == (
-            "jaxsfs: error: there is no command 'reconstuct'; did you mean 'reconstruct'? (jaxsfs --help)\n"
-        )
-
-    @pytest.mark.parametrize(
-        "name",
-        # their commands run in test_cli_calibrate.py too
-        [
-            pytest.param(n, marks=pytest.mark.slow if n.startswith("calibrate") else ())
-            for n in COMMANDS
-            if n not in ("video", "watch")  # they need a video; test_video.py and test_watch.py make one
-        ],
-    )
-    def test_every_example_runs_as_pasted(self, name, capsys, tmp_path, monkeypatch):
-        assert main([*name.split(), "--help"]) == 0
-        lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
-        pasted = [shlex.split(line)[1:] for line in lines if line.startswith("jaxsfs ")]
-        assert pasted
-        assert " ".join(pasted[-1]).startswith(name)
-        monkeypatch.chdir(tmp_path)
-        for words in pasted:
-            # smaller than a user's, to save time
-            assert main(words + (SMALL if words[0] == "render" else [])) == 0
-
-    def test_the_examples_of_the_first_page_run_too(self, capsys, tmp_path, monkeypatch):
-        main(["--help"])
-        examples = capsys.readouterr().out.split("example:")[1].split("exit codes")[0].strip().splitlines()
-        assert len(examples) == 3
-        monkeypatch.chdir(tmp_path)
-        for line in examples:
-            words = shlex.split(line)[1:]
-            assert main(words + (SMALL if words[0] == "render" else [])) == 0
-
-    def test_needs_no_jax(self):
-        """What makes the help fast."""
-        code = "import sys, jaxsfs.cli as c; c.main(['--help']); c.main(['reconstruct', '--help'])"
-        code += "; print('jax' in sys.modules, 'cv2' in sys.modules)"
-        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        assert run.stdout.endswith("False False\n")
-
-
-class TestInterrupted:
-    @pytest.mark.parametrize("step", ["solve", "files.write_surface", "files.write_json"])
-    def test_nothing_remains(self, view, tmp_path, monkeypatch, capsys, step):
-        def stop(*_, **__):
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(f"jaxsfs.cli._pipeline.{step}", stop)
-        assert main(reconstruct(view, tmp_path / "deep/out")) == 130
-        assert list(tmp_path.iterdir()) == []
-        assert capsys.readouterr().err == "jaxsfs: interrupted; nothing was written\n"
-
-    def test_an_earlier_result_stays(self, view, result, tmp_path, monkeypatch):
-        shutil.copytree(result, tmp_path / "out")
-
-        def stop(folder, *_):
-            (folder / "range.tiff").write_bytes(b"half")
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr("jaxsfs.cli._pipeline.files.write_surface", stop)
-        assert main(reconstruct(view, tmp_path / "out", "--force")) == 130
-        assert [p.name for p in tmp_path.iterdir()] == ["out"]
-        assert all((tmp_path / "out" / p.name).read_bytes() == p.read_bytes() for p in result.iterdir())
-
-    @pytest.mark.usefixtures("heeds_interrupts")
-    def test_by_a_real_signal(self, view, tmp_path):
-        words = [sys.executable, "-m", "jaxsfs.cli", *reconstruct(view, tmp_path / "out")]
-        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            deadline = time.monotonic() + 60
-            while not list(tmp_path.iterdir()) and time.monotonic() < deadline:  # the folder it stages
-                time.sleep(0.05)
-            assert process.poll() is None
-            process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=60)
-        assert process.returncode == 130
-        assert said == "jaxsfs: interrupted; nothing was written\n"
-        assert list(tmp_path.iterdir()) == []
 
 
 def test_the_result_is_the_same_as_in_python(view, result):

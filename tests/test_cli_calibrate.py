@@ -59,7 +59,8 @@ def test_circles_write_a_camera_that_reconstruct_accepts(calibrated):
 
 def test_the_report_is_one_file_with_pictures_and_no_network(calibrated):
     page = (calibrated / "c.report.html").read_text(encoding="utf-8")
-    assert page.count("data:image/png;base64,") >= 5
+    assert page.count('<svg class="over"') == 2  # a photograph each
+    assert page.count('src="data:image/') == 4  # coverage, uncertainty, stored, rectified
     assert "http" not in re.sub(r'base64,[^"]+', "", page).replace("http-equiv", "")
     assert "<script" not in page
     assert "The lens obeys r = f sin α" in page
@@ -107,6 +108,9 @@ def test_grid_prints_json_and_keeps_the_straightness_curve(folder, capsys):
         (["circles", "a.png", "small.png", *LISTED], "sizes differ"),
         (["circles", "missing.png", *LISTED], "there is no file"),
         (["circles", "black.png", *LISTED], "black"),
+        (["circles", "white.png", *LISTED], "100% of full scale everywhere"),
+        (["checkerboard", "white.png", "--columns", "7", "--rows", "6", "--pitch", "2"], "everywhere"),
+        (["grid", "white.png"], "everywhere"),
         (["circles", "blank.png", *LISTED], "no photograph could be used"),
         (["circles", "a.png", *LISTED, "--response", "log"], "--response"),
         (["checkerboard", "a.png", "--columns", "7"], "all needed"),
@@ -118,6 +122,7 @@ def test_grid_prints_json_and_keeps_the_straightness_curve(folder, capsys):
 def test_bad_input_is_one_line_and_no_camera_file(folder, capsys, words, message):
     cv2.imwrite(str(folder / "small.png"), np.full((100, 120), 128, np.uint8))
     cv2.imwrite(str(folder / "black.png"), np.zeros((480, 640), np.uint8))
+    cv2.imwrite(str(folder / "white.png"), np.full((480, 640), 255, np.uint8))
     kind, *rest = words
     rest = [f"{folder}/{word}" if word.endswith(".png") else word for word in rest]
     assert main(["calibrate", kind, *rest, "--out", f"{folder}/bad.json"]) == 2

@@ -191,6 +191,15 @@ def test_commands_write_the_pages(tmp_path, capsys):
     assert not (tmp_path / "no.pdf").exists()
 
 
+def test_circles_that_can_be_taken_for_their_neighbours_are_named(tmp_path, capsys):
+    words = ["target", "circles", "--force", "--out", str(tmp_path / "page.pdf")]
+    assert main([*words, "--radii", "5", "10", "15"]) == 0
+    assert "equally spaced" in capsys.readouterr().out
+    for radii in (["--radii", "5", "10"], ["--radii", "5", "10", "16"], []):
+        assert main([*words, *radii]) == 0
+        assert "equally spaced" not in capsys.readouterr().out
+
+
 def test_targets_do_not_wait_for_jax(tmp_path):
     script = (
         "import sys; from jaxsfs.cli import main; "

@@ -117,6 +117,13 @@ def verdict(scores: list[ModelScore]) -> str:
     if sine is None:
         return f"r = f sin α could not be fitted; the lens is best described as {choice.name}, {formula}."
     if choice.name == "spherical":
+        simple = [score for score in scores if not lens_named(score.name).shapes and score is not sine]
+        alike = [score.name for score in simple if score.bic < sine.bic + DECISIVE]
+        if alike:
+            return (
+                f"r = f sin α fits with rms {sine.rms:.3f} px, but so does {' and '.join(alike)}: the photographs do "
+                "not tell them apart. Let the target reach further from the axis."
+            )
         return f"The lens obeys r = f sin α: rms {sine.rms:.3f} px, and no richer model does decisively better."
     worse = f"rms {choice.rms:.3f} px against {sine.rms:.3f} px, BIC lower by {sine.bic - choice.bic:.0f}"
     if choice.bic > sine.bic - DECISIVE:

@@ -63,6 +63,19 @@ def photograph_from(
     return Photograph(grey, linear, field, usable)
 
 
+def target_photograph(
+    image: Shaped[np.ndarray, "height width *channels"], response: AbstractResponse | None = None
+) -> Photograph:
+    """`photograph_from` for pictures in which something is drawn. Raises ValueError for one without a contrast too."""
+    photo = photograph_from(image, response)
+    if not photo.field.any():
+        raise ValueError(
+            f"the photograph is {np.median(photo.grey):.0%} of full scale everywhere: nothing is to be seen in it. Is "
+            "it overexposed, the right file given?"
+        )
+    return photo
+
+
 def _diamond(reach: int) -> np.ndarray:
     """Pixels at most `reach` steps away."""
     along = np.abs(np.arange(-reach, reach + 1))

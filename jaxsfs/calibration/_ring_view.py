@@ -15,6 +15,7 @@ from jaxsfs.calibration._ring_setup import RingPriors, ring_setup, with_shifts
 
 EDGE_BUDGET = 1024  # edges per photograph, so that one compiled size serves
 _SEARCH_LENS = "spherical-k"
+_ROUGH_RMS = 0.02  # of the image width, at most of a first fit: it does not know the lines' width yet
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +90,7 @@ def _candidates(chains: list[Chain], centre, photo: Photograph, priors: RingPrio
     options.sort(key=lambda option: -option[2].score)
     for style, rings, labelling in options[:5]:
         first = _first_fit(rings, labelling, centre, photo, priors, style)
-        if first is not None and first.rms < 12.0:
+        if first is not None and first.rms < _ROUGH_RMS * photo.size[0]:
             yield style, labelling, first
 
 

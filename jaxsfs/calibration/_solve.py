@@ -25,8 +25,11 @@ class Solution(eqx.Module):
     steps: Int[Array, ""]
 
 
-# Kernels are small and many: compiling them with care would take most of a cold start and gain little.
-@partial(eqx.filter_jit, compiler_options={"xla_backend_optimization_level": 0})  # pyright: ignore
+# Kernels are small and many: with care or with fusion emitters, compiling them would take most of a cold start.
+_COMPILER = {"xla_backend_optimization_level": 1, "xla_cpu_use_fusion_emitters": False}
+
+
+@partial(eqx.filter_jit, compiler_options=_COMPILER)  # pyright: ignore
 def solve(
     problem: Problem, start: Float[Array, " size"], scale: Float[Array, " size"], noise: Float[Array, ""]
 ) -> Solution:
@@ -36,29 +39,15 @@ def solve(
     moves y = (parameters − start)/scale: with conditional sds as scales no unit is favoured, and its tolerance is a
     share of an sd.
     """
-    o, free, scale = problem.observations, problem.free, _STRIDE * scale
-    weight = (o.weight / noise)[:, None]
-
-    def natural(y):
-        return start + jnp.where(free, scale * y, 0.0)
-
-    def stacked(y, residual):
-        held = jnp.where(free, problem.prior_weight * (natural(y) - problem.prior), y)
-        return jnp.concatenate([(weight * residual).ravel(), held])
-
-    def value_and_jacobian(y):
-        residual, jacobian = residuals(o, natural(y), look(o, natural(y)), problem.metric)
-        by_data = weight[..., None] * jacobian * jnp.where(free, scale, 0.0)[None, None]
-        by_held = jnp.diag(jnp.where(free, problem.prior_weight * scale, 1.0))
-        return stacked(y, residual), jnp.concatenate([by_data.reshape(-1, len(start)), by_held])
+    scale = _STRIDE * scale
 
     @jax.custom_jvp
     def weighted_residuals(y):
-        return value_and_jacobian(y)[0]
+        return _value_and_jacobian(problem, start, scale, noise, y)[0]
 
     @weighted_residuals.defjvp
     def _(primals, tangents):
-        value, jacobian = value_and_jacobian(*primals)
+        value, jacobian = _value_and_jacobian(problem, start, scale, noise, *primals)
         return value, jacobian @ tangents[0]
 
     begin = jnp.zeros_like(start)
@@ -67,7 +56,27 @@ def solve(
     )
     # out of steps is not out of hope: flexible lenses creep along directions that the data hardly feel
     ended = (found.result == optx.RESULTS.successful) | (found.result == optx.RESULTS.nonlinear_max_steps_reached)
-    return Solution(start + jnp.where(free, scale * found.value, 0.0), ended, found.stats["num_steps"])
+    return Solution(start + jnp.where(problem.free, scale * found.value, 0.0), ended, found.stats["num_steps"])
+
+
+@jax.jit  # the solver asks for it in several places: traced once, it is written out once
+def _value_and_jacobian(
+    problem: Problem,
+    start: Float[Array, " size"],
+    scale: Float[Array, " size"],
+    noise: Float[Array, ""],
+    y: Float[Array, " size"],
+) -> tuple[Float[Array, " rows"], Float[Array, "rows size"]]:
+    """Weighted residuals with the priors' below them, and their derivatives by y; parameters that are not free are
+    held by y = 0."""
+    o, free = problem.observations, problem.free
+    weight, parameters = (o.weight / noise)[:, None], start + jnp.where(free, scale * y, 0.0)
+    residual, jacobian = residuals(o, parameters, look(o, parameters), problem.metric)
+    held = jnp.where(free, problem.prior_weight * (parameters - problem.prior), y)
+    by_data = weight[..., None] * jacobian * jnp.where(free, scale, 0.0)[None, None]
+    by_held = jnp.diag(jnp.where(free, problem.prior_weight * scale, 1.0))
+    value = jnp.concatenate([(weight * residual).ravel(), held])
+    return value, jnp.concatenate([by_data.reshape(-1, len(start)), by_held])
 
 
 def _solver() -> optx.LevenbergMarquardt:

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int, Shaped
 
 from jaxsfs.calibration._compare import compare, preferred, score_named
 from jaxsfs.calibration._eq20 import estimators
-from jaxsfs.calibration._field import Photograph, photograph_from
+from jaxsfs.calibration._field import Photograph, target_photograph
 from jaxsfs.calibration._fit import Fit, fit
 from jaxsfs.calibration._guards import check_height, check_radii, check_same_size, warnings_of
 from jaxsfs.calibration._lens import LENS_SIZE, lens_named
@@ -45,7 +45,7 @@ def calibrate_circles(
     check_same_size(images)
     if model != "auto":
         lens_named(model)
-    photos = [photograph_from(image, response) for image in images]
+    photos = [target_photograph(image, response) for image in images]
     centre = tuple(np.mean([photo.field_centre() for photo in photos], axis=0).tolist())
     priors = RingPriors(printed, centre, height, height_tolerance, aspect)
     views, rejected = _all_views(photos, priors)

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from jaxsfs.calibration._compare import compare, preferred, score_named
-from jaxsfs.calibration._field import Photograph, photograph_from
+from jaxsfs.calibration._field import Photograph, target_photograph
 from jaxsfs.calibration._fit import Fit, Setup, fit, lens_rays
 from jaxsfs.calibration._guards import check_same_size, warnings_of
 from jaxsfs.calibration._lens import ASPECT, LENS_SIZE, SHAPE, lens_named, start_lens
@@ -54,7 +54,7 @@ def calibrate_grid(
     """
     if model != "auto":
         lens_named(model)
-    photos = [photograph_from(image, response) for image in check_same_size(images)]
+    photos = [target_photograph(image, response) for image in check_same_size(images)]
     found = [find_lines(photo) for photo in photos]
     kept = [(i, lines) for i, lines in enumerate(found) if lines is not None]
     why = "no grid found: at least two lines of five crossings, dots or corners must show, in focus"

@@ -10,7 +10,7 @@ from jaxsfs.calibration._blobs import blobs_and_areas
 from jaxsfs.calibration._board import Board, find_checkerboard, find_dots
 from jaxsfs.calibration._compare import compare, preferred, score_named
 from jaxsfs.calibration._dot_bias import dot_bias, dot_radius
-from jaxsfs.calibration._field import Photograph, photograph_from
+from jaxsfs.calibration._field import Photograph, target_photograph
 from jaxsfs.calibration._fit import Fit, Setup, fit, lens_rays
 from jaxsfs.calibration._guards import check_count, check_same_size, warnings_of
 from jaxsfs.calibration._lens import LENS_SIZE, SHAPE, lens_named, start_lens
@@ -47,7 +47,7 @@ def calibrate_checkerboard(
     """
     check_count("columns", columns)
     check_count("rows", rows)
-    photos = [photograph_from(image, response) for image in check_same_size(images)]
+    photos = [target_photograph(image, response) for image in check_same_size(images)]
     found = [find_checkerboard(photo, columns, rows) for photo in photos]
     why = f"no checkerboard of {columns} x {rows} inner corners found (count corners between squares, not squares)"
     centre = photos[0].field_centre()
@@ -78,7 +78,7 @@ def calibrate_dots(
         raise ValueError(f"stretch must be a positive ratio of the columns' spacing to the rows', got {stretch:g}")
     check_count("columns", columns)
     check_count("rows", rows)
-    photos = [photograph_from(image, response) for image in check_same_size(images)]
+    photos = [target_photograph(image, response) for image in check_same_size(images)]
     found = [find_dots(photo, columns, rows, asymmetric) for photo in photos]
     why = f"no grid of {columns} x {rows} dots found (70 % of them must show, off the picture's border)"
     centre = photos[0].field_centre()

@@ -73,7 +73,7 @@ def circles(options: Annotated[CirclesOptions, FLAT]) -> int:
       jaxsfs target circles --radii 5 10 15 20 25 30 --out target.pdf
     """
     page = target.circles_page(options.radii, options.width, not options.no_dot, options.page.paper)
-    return _write(options.page, page)
+    return _write(options.page, page, _EQUAL_STEPS if target.equally_spaced(options.radii) else "")
 
 
 def grid(options: Annotated[GridOptions, FLAT]) -> int:
@@ -105,10 +105,16 @@ def dots(options: Annotated[DotsOptions, FLAT]) -> int:
     return _write(options.page, page)
 
 
-def _write(options: PageOptions, page: bytes) -> int:
+_EQUAL_STEPS = (
+    "\nits circles are equally spaced: where inner ones are hidden, nothing but the centre dot tells which the others "
+    "are (without --radii the steps are unequal)"
+)
+
+
+def _write(options: PageOptions, page: bytes, note: str = "") -> int:
     files.write_bytes(options.out, page, force=options.force)
     if options.json:
         print(json.dumps({"out": str(options.out), "paper": options.paper}, indent=2))
     else:
-        say(f"{options.out}: print it at 100 %, then measure the bar of 100 mm")
+        say(f"{options.out}: print it at 100 %, then measure the bar of 100 mm{note}")
     return 0

@@ -9,7 +9,8 @@ from jaxtyping import UInt8
 
 from jaxsfs.calibration import Calibration, observations
 from jaxsfs.report import _calibration_figures as figures
-from jaxsfs.report._page import code, heading, page, paragraph, picture, table
+from jaxsfs.report._page import code, heading, page, paragraph, table
+from jaxsfs.report._panels import panel
 
 _POSE = ("tilt_deg", "height_mm", "height_sd_mm", "offset_x_mm", "offset_y_mm")
 
@@ -28,16 +29,17 @@ def calibration_page(
     parts += [paragraph(text) for text in found.notes]
     parts += [heading("Camera"), table(_camera_rows(figures_of)), heading("Photographs"), *_photographs(found, names)]
     for view, result in enumerate(found.views):
-        caption = f"{names[result.photograph]}: observations and residuals (seen minus fitted)"
-        parts.append(picture(figures.detections(found, seen, photographs[result.photograph], view), caption))
-    parts += [heading("Residuals"), picture(figures.residual_against_angle(found, seen), "residual against angle")]
-    parts += [heading("Coverage and uncertainty")]
-    parts.append(picture(figures.coverage_and_uncertainty(found, seen), "coverage, and the uncertainty map in px"))
-    parts += [heading("Which lens is it"), _models(found), picture(figures.models(found, seen), "lens models compared")]
+        title = f"{names[result.photograph]}: observations and residuals (seen minus fitted)"
+        parts.append(panel(title, figures.detections(found, seen, photographs[result.photograph], view)))
+    parts += [heading("Residuals against the angle"), figures.residual_against_angle(found, seen)]
+    parts += [heading("Coverage and uncertainty"), figures.coverage_and_uncertainty(found, seen)]
+    parts += [heading("Which lens is it"), _models(found)]
     if "straightness" in found.extras:
-        parts += [heading("Straightness against f"), paragraph(_NAIVE_SCORES)]
-        parts.append(picture(figures.straightness(found), "scores of straightness"))
-    parts += [heading("Rectified"), _rectified(found, photographs)]
+        parts.append(paragraph("The curves leave out a factor on tan α, which straight lines do not fix."))
+    parts.append(figures.models(found, seen))
+    if "straightness" in found.extras:
+        parts += [heading("Straightness against f"), paragraph(_NAIVE_SCORES), figures.straightness(found)]
+    parts += [heading("Rectified"), figures.rectified(found.fit, photographs[found.views[0].photograph])]
     kept = {k: v for k, v in figures_of.items() if k not in ("uncertainty", "photographs", "models", "straightness")}
     parts += [heading("How it was made"), code(json.dumps({**made_by, **kept}, indent=2, default=str))]
     return page("Camera calibration", parts)
@@ -48,11 +50,6 @@ _NAIVE_SCORES = (
     "the picture shrinks to its middle as f → ∞; f times the angle from the great circle falls to 0 as f → 0. The "
     "Sampson distance, in pixels of the photograph, does neither."
 )
-
-
-def _rectified(found: Calibration, photographs) -> str:
-    first = photographs[found.views[0].photograph]
-    return picture(figures.rectified(found.fit, first), "before and after rectification at the fitted camera")
 
 
 def _camera_rows(own: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -1,15 +1,10 @@
 """Building blocks of a self-contained HTML page."""
 
-import base64
-import io
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c2430; --paper: #ffffff; --line: #d5dae2; --soft: #f2f4f8; --warn: #fff3d6;
@@ -44,6 +39,17 @@ h3 { font-size: 1rem; margin: 0 0 .4rem; font-weight: 600; }
 .fronts .under { stroke: #0009; stroke-width: 3.5px; }
 .fronts text { fill: #fff; stroke: #000b; stroke-width: .25em; paint-order: stroke; text-anchor: middle;
   font-family: system-ui, sans-serif; }
+.chart { display: block; width: 100%; max-width: 55rem; height: auto; }
+.chart text { fill: currentColor; font: 13px system-ui, sans-serif; }
+.chart path { fill: none; } .chart .grid { stroke: var(--line); } .chart .rule { stroke: var(--faint); }
+.chart .curve { stroke-width: 2px; }
+.chart .marks { stroke-width: 8px; stroke-linecap: round; }
+.chart .cloud { stroke-width: 4px; stroke-linecap: round; opacity: .4; }
+.over { display: block; width: 100%; height: auto; border-radius: .3rem; }
+.over path { fill: none; vector-effect: non-scaling-stroke; }
+.over .dots { stroke-width: 3px; stroke-linecap: round; } .over .crosses { stroke-width: 1.5px; }
+.over .arrows { stroke: none; fill: #ffd21f; } .over .middle { stroke-width: 2px; }
+.panels .coarse img { image-rendering: pixelated; }
 .viewer { border: 1px solid var(--line); border-radius: .4rem; overflow: hidden; }
 .stage { position: relative; background: var(--stage); }
 .stage canvas { display: block; width: 100%; height: min(34rem, 70vh); touch-action: none; cursor: grab; }
@@ -93,13 +99,3 @@ def _cell(cell: Any) -> str:
     if cell is None:
         return "–"
     return f"{cell:.5g}" if isinstance(cell, float | np.floating) else str(cell)
-
-
-def picture(figure: "Figure", caption: str) -> str:
-    """A matplotlib figure inside the page, as PNG."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=110, metadata={"Software": None})
-    data = base64.b64encode(stream.getvalue()).decode()
-    words = escape(caption)
-    image = f'<img alt="{words}" src="data:image/png;base64,{data}">'
-    return f"<figure>{image}<figcaption>{words}</figcaption></figure>"

@@ -34,9 +34,12 @@ class Scale:
 
     def level(self, values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
         """Position on the bar, 0 to 1; 0 for NaN."""
+        return np.clip(np.nan_to_num(self.place(values)), 0, 1)
+
+    def place(self, values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+        """Position along the scale, beyond 0 and 1 for values beyond its ends."""
         low, high = self._stretched(np.array([self.low, self.high]))
-        level = (self._stretched(values) - low) / max(high - low, 1e-30)
-        return np.clip(np.nan_to_num(level), 0, 1)
+        return (self._stretched(values) - low) / max(high - low, 1e-30)
 
     def rgb(self, values: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:
         """The colours of `values`."""

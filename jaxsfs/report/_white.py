@@ -7,11 +7,13 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import UInt8
-from matplotlib.figure import Figure
 
 from jaxsfs.calibration import WhiteCalibration
 from jaxsfs.photometry import parse_falloff
-from jaxsfs.report._page import code, heading, page, paragraph, picture, table
+from jaxsfs.report._chart import COLOURS, Curve, chart
+from jaxsfs.report._page import code, heading, page, paragraph, table
+from jaxsfs.report._panels import grid, photograph_panel
+from jaxsfs.report._scale import Scale
 
 
 def white_page(
@@ -22,12 +24,12 @@ def white_page(
 ) -> str:
     """A self-contained HTML page on `found`; `photographs` with their `names`, `made_by` what to record."""
     parts = [paragraph(found.note, "verdict"), heading("Photometry"), table(_rows(found))]
-    parts += [heading("Fall-off"), picture(_falloff(found), "fall-off against the angle from the axis")]
+    parts += [heading("Fall-off"), _falloff(found)]
     parts += [heading("Models tried, best first")]
     header = list(found.models[0]) if found.models else []
     parts.append(table([tuple(row.values()) for row in found.models], header))
-    parts += [heading("Photographs")]
-    parts += [picture(_plain(image), name) for image, name in zip(photographs, names, strict=True)]
+    shown = [photograph_panel(name, image) for image, name in zip(photographs, names, strict=True)]
+    parts += [heading("Photographs"), grid(shown)]
     parts += [heading("How it was made"), code(json.dumps({**made_by, **found.figures()}, indent=2, default=str))]
     return page("White target", parts)
 
@@ -53,21 +55,17 @@ def _rows(found: WhiteCalibration) -> list[tuple[str, str]]:
     ]
 
 
-def _falloff(found: WhiteCalibration) -> Figure:
-    figure = Figure(figsize=(8, 3.4), layout="constrained")
-    axes = figure.subplots()
-    axes.plot(found.alpha_deg, found.measured, "o", label="measured, bins of 5°")
-    angle = np.linspace(0, max([*found.alpha_deg, 10.0]), 100)
-    cosine = jnp.cos(jnp.asarray(np.radians(angle)))
-    axes.plot(angle, np.asarray(parse_falloff(found.falloff)(cosine)), label=found.falloff)
-    axes.set(xlabel="angle from the axis / degrees", ylabel="light relative to the axis", ylim=(0, None))
-    axes.legend()
-    return figure
-
-
-def _plain(image: UInt8[np.ndarray, "height width 3"]) -> Figure:
-    figure = Figure(figsize=(5, 5 * image.shape[0] / image.shape[1]), layout="constrained")
-    axes = figure.subplots()
-    axes.imshow(image)
-    axes.set_axis_off()
-    return figure
+def _falloff(found: WhiteCalibration) -> str:
+    reach = max([*found.alpha_deg, 10.0])
+    angle = np.linspace(0, reach, 100)
+    law = np.asarray(parse_falloff(found.falloff)(jnp.cos(jnp.asarray(np.radians(angle)))))
+    measured = np.array(found.measured)
+    return chart(
+        "fall-off against the angle from the axis",
+        [
+            Curve(angle, law, found.falloff, COLOURS[1]),
+            Curve(np.array(found.alpha_deg), measured, "measured, bins of 5°", COLOURS[0], "marks"),
+        ],
+        Scale(0.0, reach, "angle from the axis / degrees"),
+        Scale(0.0, 1.05 * max(float(law.max()), float(measured.max(initial=1.0))), "light relative to the axis"),
+    )
