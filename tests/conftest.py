@@ -2,11 +2,15 @@
 
 import os
 import signal
+from importlib.metadata import version
 from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
-# most of the suite's time is compilation of programs that run once: these two halve it
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=1")
+# most of the suite's time is compilation of programs that run once: these two halve it (later versions stop at the
+# first one, which they do not know)
+_older = tuple(map(int, version("jaxlib").split(".")[:2])) < (0, 11)
+_flags = "--xla_backend_optimization_level=1" + (" --xla_cpu_use_fusion_emitters=false" if _older else "")
+os.environ.setdefault("XLA_FLAGS", _flags)
 
 from jaxtyping import install_import_hook
 

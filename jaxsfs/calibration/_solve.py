@@ -26,7 +26,10 @@ class Solution(eqx.Module):
 
 
 # Kernels are small and many: with care or with fusion emitters, compiling them would take most of a cold start.
-_COMPILER = {"xla_backend_optimization_level": 1, "xla_cpu_use_fusion_emitters": False}
+# (Later versions know no other emitters and refuse the option.)
+_COMPILER: dict[str, str | int | bool] = {"xla_backend_optimization_level": 1}
+if jax.__version_info__ < (0, 11):
+    _COMPILER["xla_cpu_use_fusion_emitters"] = False
 
 
 @partial(eqx.filter_jit, compiler_options=_COMPILER)  # pyright: ignore
