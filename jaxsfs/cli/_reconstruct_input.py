@@ -9,17 +9,18 @@ from jaxtyping import Bool, Float
 
 from jaxsfs import files
 from jaxsfs.camera import CameraFile
+from jaxsfs.cli._clipping import clip_limit
 from jaxsfs.cli._initial import check_mask_size, parse_initial, parse_known_range, read_heights, read_known_ranges
 from jaxsfs.cli._photometric import Photometric, photometric
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
-from jaxsfs.cli._settings import CAMERA_FILE, COMMAND_LINE, DEFAULT, Setting, check_clip_limit
+from jaxsfs.cli._settings import CAMERA_FILE, COMMAND_LINE, DEFAULT, Setting
 from jaxsfs.cli._terminal import progress
 from jaxsfs.estimation import PhotometryEstimate, estimate_photometry
 from jaxsfs.field import find_field
 from jaxsfs.initial import AbstractInitial
 from jaxsfs.lights import Lights
 from jaxsfs.noise import noise_level, smoothing_for
-from jaxsfs.photo import clipping_limit, size_message
+from jaxsfs.photo import size_message
 from jaxsfs.photometry import NoFalloff
 from jaxsfs.preparation import prepare
 
@@ -113,11 +114,7 @@ def _smooth(options: ReconstructOptions, photo: files.Photo, valid: Bool[np.ndar
 
 def _clip(options: ReconstructOptions, photo: files.Photo) -> Setting:
     """Stored value from which a pixel is clipped; None: nothing is."""
-    word, own = options.clip_limit, clipping_limit(photo.dtype)
-    if word == "auto":
-        return Setting(own, f"automatic, {photo.dtype}")
-    limits = {"off": None, "highest": float(photo.values[photo.valid].max(initial=0)) or own}
-    return Setting(limits[word] if word in limits else check_clip_limit(word), COMMAND_LINE)
+    return clip_limit(options.clip_limit, photo.dtype, float(photo.values[photo.valid].max(initial=0)))
 
 
 def _mask(
