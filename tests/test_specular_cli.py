@@ -1,6 +1,7 @@
 """`jaxsfs specular` and the comparison table, as a user runs them."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -56,6 +57,34 @@ def test_specular_of_bad_input(photo, tmp_path, capsys):
     assert "--saturation must be a share of full scale above 0, got nan" in capsys.readouterr().err
     assert main(["specular", str(tmp_path / "none.png"), "--out", str(tmp_path / "a")]) == 2
     assert not (tmp_path / "a").exists()
+
+
+def test_a_mask_of_another_size_is_refused_in_words(photo, tmp_path, capsys):
+    write_png(tmp_path / "mask.png", np.full((3, 5), 255, np.uint8))
+    assert main(["specular", str(photo[0]), "--out", str(tmp_path / "a"), "--mask", str(tmp_path / "mask.png")]) == 2
+    assert "is 5 x 3 px and the photograph 160 x 120 px" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("size", [(1, 2), (5, 3), (17, 15)])
+def test_tiny_pictures_are_pictures(photo, tmp_path, size):
+    height, width = size
+    write_png(tmp_path / "tiny.png", photo[1].stored[50 : 50 + height, 70 : 70 + width])
+    assert main(["specular", str(tmp_path / "tiny.png"), "--out", str(tmp_path / "a"), "--quiet"]) == 0
+    assert cv2.imread(str(tmp_path / "a/body.png")).shape == (*size, 3)
+
+
+def test_a_plateau_below_the_limit_is_warned_of(photo, tmp_path, capsys):
+    stored = photo[1].stored
+    write_png(tmp_path / "flat.png", np.minimum(stored, int(np.percentile(stored, 90))))
+    command = ["specular", str(tmp_path / "flat.png"), "--quiet", "--out"]
+    assert main([*command, str(tmp_path / "a")]) == 0
+    advice = re.search(r"(--saturation) (0\.\d+) takes them as unknown", capsys.readouterr().err)
+    assert advice is not None
+    assert main([*command, str(tmp_path / "b"), *advice.groups()]) == 0
+    assert "warning" not in capsys.readouterr().err
+    numbers = [json.loads((tmp_path / out / "result.json").read_text())["saturated"] for out in "ab"]
+    assert numbers[0] == 0
+    assert numbers[1] > 1000
 
 
 def test_rivals_work_where_their_assumptions_hold(monkeypatch):

@@ -11,8 +11,6 @@ from jaxsfs.cli._terminal import warn
 from jaxsfs.frames import Stored, common_plateau, highest_value
 from jaxsfs.photo import Plateau, clipping_limit
 
-_AS_DATA = "probably clipped, but taken as data; --clip-limit highest takes them as unknown"
-
 
 def clip_limit(word: str, dtype: str, highest: float) -> Setting:
     """What `--clip-limit` says of a stored type and the `highest` value there is (full scale 1); None: nothing is
@@ -40,6 +38,9 @@ def plateau_record(found: Plateau | None) -> dict[str, float] | None:
     return None if found is None else found._asdict()
 
 
-def plateau_warning(found: Mapping[str, Any]) -> str:
-    """What to say of a plateau, from its record."""
-    return f"{found['share']:.1%} of the pixels share the highest value {found['value']:.4g} of full scale: {_AS_DATA}"
+def plateau_warning(found: Mapping[str, Any], remedy: str = "--clip-limit highest") -> str:
+    """What to say of a plateau, from its record; `remedy`: the option that makes its pixels unknown."""
+    return (
+        f"{found['share']:.1%} of the pixels share the highest value {found['value']:.4g} of full scale: probably "
+        f"clipped, but taken as data; {remedy} takes them as unknown"
+    )
