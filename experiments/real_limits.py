@@ -7,8 +7,8 @@ AbsRel of depth after median scaling, per frame and reading of the camera (see r
 
 * preset: `--preset colonoscope`.
 * photometry of frame 0000: γ 2.4, μ 1.6, a 0.8, which fitted the depth of 0000 best, applied unchanged.
-* two known ranges: fall-off and reflectance of the preset, and the γ at which the reconstructed ranges of two pixels
-  are in the known ratio; one pixel among the nearest fifth, one among the farthest, mean and sd over 20 pairs.
+* two known ranges: what `--preset colonoscope --estimate-photometry` finds from the ranges of two pixels, one among the
+  nearest fifth, one among the farthest; mean and sd over 10 pairs.
 * γ, μ, a fitted to the whole truth of the frame: no estimate of these three can do better.
 * E of the true depth: the picture replaced by cos θ/r² of the true surface. What is left is the solver's: contours,
   and walls that the rim cuts off. The rest of the error is light and colour that the model does not have.
@@ -23,16 +23,21 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 from real_cases import SIMCOL, SIMCOL_CAMERAS, SIMCOL_FRAMES, Case, simcol_case
-from real_solving import PRESET, Settings, score, solve
+from real_solving import PRESET, Settings, prepared, score, solve
 from tqdm import tqdm
 
-from jaxsfs import Irradiance, evaluate, reconstruct
+from jaxsfs import Irradiance, parse_falloff, parse_reflectance, parse_response, reconstruct
+from jaxsfs.estimation import estimate_photometry, prior_about
 from jaxsfs.surface import Surface
 
-GAMMAS = (1.4, 1.8, 2.2, 2.6, 3.0, 3.6)
 STEPS = np.array([0.2, 0.4, 0.15])
+PRIOR = (
+    (parse_response, PRESET.response),
+    (parse_falloff, PRESET.falloff),
+    (parse_reflectance, PRESET.reflectance),
+)
 OF_0000 = (2.4, 1.6, 0.8)
-PAIRS = 20
+PAIRS = 10
 
 
 def settings(gamma: float, mu: float, power: float) -> Settings:
@@ -60,31 +65,21 @@ def fitted(case: Case) -> tuple[tuple[float, float, float], float]:
 
 
 def two_ranges(case: Case) -> tuple[float, float, float]:
-    """AbsRel with γ from two known ranges, its sd over pairs of pixels, and the mean γ."""
+    """AbsRel with the photometry that two known ranges and the preset as a prior give, its sd over pairs of pixels, and
+    the mean γ."""
     assert case.depth is not None
-    cosine = np.asarray(case.camera.rays())[..., 2]
-    maps = []
-    for gamma in GAMMAS:
-        surface = solve(case, settings(gamma, 1.6, 0.65)).surface
-        maps.append(np.where(np.asarray(surface.valid), np.log(np.asarray(surface.range, float)), np.nan))
-    logs, true = np.stack(maps), np.log(case.depth / cosine)
-    usable = np.isfinite(logs).all(axis=0) & np.isfinite(true)
-    near, far = (np.flatnonzero(usable & chosen) for chosen in _fifths(true, usable))
+    prior = prior_about(*(parse(text) for parse, text in PRIOR))
+    light = prepared(case, PRESET._replace(falloff="none")).irradiance
+    stored = np.asarray(parse_response(PRESET.response).encode(light.values))
+    true, usable = case.depth / np.asarray(case.camera.rays())[..., 2], np.asarray(light.valid)
+    near, far = (np.argwhere(usable & chosen) for chosen in _fifths(true, usable & np.isfinite(true)))
     rng = np.random.default_rng(0)
-    flat, errors, gammas = logs.reshape(len(GAMMAS), -1), [], []
-    for one, other in zip(rng.choice(near, PAIRS), rng.choice(far, PAIRS), strict=True):
-        ratio = flat[:, other] - flat[:, one]
-        wanted = true.ravel()[other] - true.ravel()[one]
-        order = np.argsort(ratio)
-        at = float(np.interp(wanted, ratio[order], order.astype(float)))
-        low = min(int(at), len(GAMMAS) - 2)
-        log = (1 - (at - low)) * logs[low] + (at - low) * logs[low + 1]
-        found = evaluate(
-            np.where(usable, np.exp(log) * cosine, np.nan), np.where(usable, case.depth, np.nan), quantity="depth",
-            align="median",
-        )  # fmt: skip
-        errors.append(found.abs_rel)
-        gammas.append(np.interp(at, range(len(GAMMAS)), GAMMAS))
+    errors, gammas = [], []
+    for pair in zip(rng.choice(near, PAIRS), rng.choice(far, PAIRS), strict=True):
+        known = [(int(u), int(v), float(true[v, u])) for v, u in pair]
+        found = estimate_photometry(stored, case.camera, known, usable, prior)
+        errors.append(error(case, (found.gamma, found.mu, found.power)))
+        gammas.append(found.gamma)
     return float(np.mean(errors)), float(np.std(errors)), float(np.mean(gammas))
 
 

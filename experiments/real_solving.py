@@ -1,6 +1,6 @@
 """Ways to reconstruct the photographs of `real_cases.py`, and how near the results are to the truth."""
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from real_cases import Case
@@ -8,7 +8,7 @@ from scipy.stats import spearmanr
 
 from jaxsfs import Reconstruction, evaluate, parse_falloff, parse_reflectance, parse_response, reconstruct
 from jaxsfs.photo import automatic_response, clipping_limit, parse_channel
-from jaxsfs.preparation import prepare
+from jaxsfs.preparation import Preparation, prepare
 from jaxsfs.specular import Method
 
 
@@ -28,10 +28,16 @@ class Settings(NamedTuple):
     clip: float | None = None
     specular: Method = "auto"
     blood: float = 0.0
+    rim: Literal["straight", "closed"] = "straight"
+    occlusions: Literal["auto", "off"] = "auto"
 
 
 DEFAULT = Settings("default options")
 PRESET = Settings("preset", response="gamma:2.2", falloff="cos:1.6", reflectance="power:0.65")
+# The issue's prototype: even weights, first order, no contours, the rim facing the light.
+PROTOTYPE = PRESET._replace(
+    name="preset as prototyped", channel="1,1,1", order=1, specular="off", rim="closed", occlusions="off"
+)
 EVEN = Settings("even weights, sRGB, cos:1.6", response="srgb", falloff="cos:1.6", channel="1,1,1")
 # Mostly red, the channel that blood in the mucosa darkens least. Weights chosen on the two sinus frames.
 RED_RICH = Settings("red-rich 6:3:1, sRGB", response="srgb", channel="0.6,0.3,0.1")
@@ -48,6 +54,10 @@ VARIANTS = (
     Settings("sRGB, blue", response="srgb", channel="blue"),
     Settings("sRGB, even weights", response="srgb", channel="1,1,1"),
     PRESET._replace(name="preset, even weights", channel="1,1,1"),
+    PRESET._replace(name="preset, rim closed", rim="closed"),
+    PRESET._replace(name="preset, even weights, rim closed", channel="1,1,1", rim="closed"),
+    PRESET._replace(name="preset, contours off", occlusions="off"),
+    PROTOTYPE,
     PRESET._replace(name="preset, smooth 4", smooth=4.0),
     PRESET._replace(name="preset, order 1", order=1),
     DEFAULT._replace(name="default, highlights left in", specular="off"),
@@ -57,10 +67,10 @@ VARIANTS = (
 GAMMAS = (1.8, 2.2, 2.4, 2.6, 2.8, 3.2)
 
 
-def solve(case: Case, settings: Settings) -> Reconstruction:
-    """The surface in `case.photo`."""
+def prepared(case: Case, settings: Settings) -> Preparation:
+    """What a solver reads of `case.photo`."""
     response = automatic_response(case.dtype) if settings.response == "auto" else settings.response
-    prepared = prepare(
+    return prepare(
         case.photo,
         case.camera,
         valid=case.mask,
@@ -72,8 +82,17 @@ def solve(case: Case, settings: Settings) -> Reconstruction:
         specular=settings.specular,
         blood=settings.blood,
     )
+
+
+def solve(case: Case, settings: Settings) -> Reconstruction:
+    """The surface in `case.photo`."""
     return reconstruct(
-        prepared.irradiance, case.camera, reflectance=parse_reflectance(settings.reflectance), order=settings.order
+        prepared(case, settings).irradiance,
+        case.camera,
+        reflectance=parse_reflectance(settings.reflectance),
+        order=settings.order,
+        rim=settings.rim,
+        occlusions=settings.occlusions,
     )
 
 

@@ -8,11 +8,12 @@ the picture (alternate blocks of 4 × 4 px) and everything is measured on the ot
 
 removed: share of these pixels that the method takes for highlights; the rule also takes pale organs (the tube and the
 cyst of fig1_a), whose own light is no error. ratio: body luminance over that of the ring round the highlight (3 to 8 px
-away), the median over the pixels; 1 is right; `ratio removed`: over the removed ones. texture: what is kept of a known
-texture. The picture is taken a second time with its linear light darkened by vessel-like lines of up to 20 %, and
-stored as 8 bit again; the slope of the change of ln body over what was painted, both without their blur (σ 3 px), over
-the highlight pixels: 1 keeps all, a fill alone nothing (column `filled`). The data lie beside the project, see
-`--data`.
+away), the median over the pixels; 1 is right; `ratio removed`: over the removed ones; `ratio flanks`: over those within
+4 px of a saturated pixel, as far as optics and compression blur a highlight, which pale organs are not (`flanks`: their
+number). texture: what is kept of a known texture. The picture is taken a second time with its linear light darkened by
+vessel-like lines of up to 20 %, and stored as 8 bit again; the slope of the change of ln body over what was painted,
+both without their blur (σ 3 px), over the highlight pixels: 1 keeps all, a fill alone nothing (column `filled`). The
+data lie beside the project, see `--data`.
 """
 
 import argparse
@@ -29,6 +30,7 @@ from jaxsfs.specular import LUMINANCE, RED_MINUS_GREEN, remove_highlights, satur
 
 SRGB = SRGBResponse()
 FEWEST = 240
+FLANK = 4  # px
 
 
 def grown(mask: np.ndarray, radius: int) -> np.ndarray:
@@ -97,6 +99,11 @@ def measure(path: Path, out: Path | None = None) -> dict[str, float | str]:
     figures["ratio removed"] = float(
         np.median(versions["ours"][removed] / level_around(versions["ours"], ring)[removed])
     )
+    flanks = inside & grown(saturated(stored, 250 / 255), FLANK)
+    figures["flanks"] = int(flanks.sum())
+    for name in ("filled", "ours"):
+        light = versions[name]
+        figures[f"ratio flanks {name}"] = float(np.median(light[flanks] / level_around(light, ring)[flanks]))
     for name, method in (("filled", "mask"), ("ours", "auto")):
         again = remove_highlights(painted, field, method=method, **options).values @ LUMINANCE
         figures[f"texture {name}"] = texture_kept(versions[name], again, texture, inside & auto.highlights)

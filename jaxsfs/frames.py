@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from typing import Literal, NamedTuple
 
 import jax
@@ -13,7 +14,7 @@ from jaxsfs.camera import AbstractCamera
 from jaxsfs.field import find_field
 from jaxsfs.forms import Scalar
 from jaxsfs.noise import noise_level, smoothing_for
-from jaxsfs.photo import Weights, clipping_limit
+from jaxsfs.photo import Plateau, Weights, clipping_limit, plateau
 from jaxsfs.photometry import AbstractFalloff, AbstractResponse, LinearResponse
 from jaxsfs.preparation import Preparation, prepare
 from jaxsfs.reconstruction import Reconstruction, reconstruct_with_residual
@@ -38,6 +39,7 @@ STATUSES = {**{status.name.lower().replace("_", "-"): status.value for status in
 class FrameSettings:
     """What all frames have in common; as the arguments of `prepare` and `reconstruct`.
 
+    `clip_limit`: the stored value (full scale 1) from which a pixel is clipped, "auto" for that of each frame's type.
     `highlight`: the highlights' colour in linear light, None to estimate it in each frame. `rounds`: at most so many
     rounds of the sweeps. `scale`: "locked": one gain·albedo for all frames, so that ranges
     of different frames compare where the exposure did not change; "frame": each frame's median range is 1.
@@ -52,6 +54,7 @@ class FrameSettings:
     albedo: Scalar = 1.0
     specular: Method = "auto"
     highlight: tuple[float, float, float] | None = None
+    clip_limit: Scalar | Literal["auto"] | None = "auto"
     shrink: int = 1
     smooth_px: Scalar = 0.0
     occlusions: Literal["auto", "off"] = "auto"
@@ -124,6 +127,27 @@ def common_smoothing(frames: list[Stored], mask: Bool[np.ndarray, "height width"
     return smoothing_for(noise), noise
 
 
+def highest_value(frames: list[Stored], mask: Bool[np.ndarray, "height width"]) -> float:
+    """The frames' highest value (full scale 1) in `mask`; 0 if there is none."""
+    return float(max(values[usable].max(initial=0) for values, usable in (_seen(frame, mask) for frame in frames)))
+
+
+def common_plateau(
+    frames: list[Stored], mask: Bool[np.ndarray, "height width"], limit: Scalar | None
+) -> Plateau | None:
+    """What `plateau` finds in `mask`, over all frames."""
+    seen = [_seen(frame, mask) for frame in frames]
+    values, usable = (np.concatenate(part) for part in zip(*seen, strict=True))
+    return plateau(values, usable, limit)
+
+
+def _seen(frame: Stored, mask: Bool[np.ndarray, "height width"]):
+    """A frame's values with full scale 1, and the pixels of `mask` that have any."""
+    values = as_float(frame)
+    finite = np.isfinite(values)
+    return values, mask & (finite if values.ndim == 2 else finite.all(axis=-1))
+
+
 def common_highlight(frames: list[Stored], settings: FrameSettings) -> tuple[float, float, float] | None:
     """The highlights' colour in linear light: the median of what the frames show, white where none shows it.
 
@@ -177,7 +201,8 @@ def _solved(stored: Stored, settings: FrameSettings) -> FrameResult:
 
 def _prepared(stored: Stored, settings: FrameSettings) -> tuple[Preparation, int]:
     """What the solver reads, and the number of usable pixels with a clipped channel that counts."""
-    linear, limit = _linear(stored, settings.response, clipping_limit(str(stored.dtype)))
+    limit = clipping_limit(str(stored.dtype)) if isinstance(settings.clip_limit, str) else settings.clip_limit
+    linear, limit = _linear(stored, settings.response, limit)
     usable = np.isfinite(linear) & (linear >= 0)
     usable = settings.mask & (usable if usable.ndim == 2 else usable.all(axis=-1))
     clipped = np.zeros(linear.shape, bool) if limit is None else linear >= limit
@@ -200,13 +225,17 @@ def _prepared(stored: Stored, settings: FrameSettings) -> tuple[Preparation, int
 
 
 def _linear(
-    stored: Stored, response: AbstractResponse, limit: float | None
+    stored: Stored, response: AbstractResponse, limit: Scalar | None
 ) -> tuple[Float32[np.ndarray, "height width *channels"], float | None]:
     """Linear light of a frame, and the clipping `limit` in it; integers by a table, in a tenth of the time."""
-    if stored.dtype.kind not in "iu" or stored.dtype.itemsize > 2 or limit is None:
-        return np.asarray(response.decode(jnp.asarray(as_float(stored), jnp.float32))), limit
+    if stored.dtype.kind not in "iu" or stored.dtype.itemsize > 2:
+        decoded = (np.asarray(response.decode(jnp.asarray(x, jnp.float32))) for x in (as_float(stored), limit or 0))
+        linear, least = decoded
+        return linear, None if limit is None else float(least)
     table = _table(response, stored.dtype)
-    return table[stored], float(table[round(limit * (len(table) - 1))])
+    # a stored value as single precision is off by some thousandths of a step
+    step = len(table) if limit is None else math.ceil(float(limit) * (len(table) - 1) - 0.05)
+    return table[stored], float(table[step]) if step < len(table) else None
 
 
 @functools.lru_cache(maxsize=4)

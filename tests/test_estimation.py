@@ -10,8 +10,8 @@ from data_synth.viewing import observe
 from jaxsfs import GammaResponse, Power, files, irradiance_of, reconstruct
 from jaxsfs.camera import camera_to_dict
 from jaxsfs.cli import main
-from jaxsfs.estimation import estimate_photometry
-from jaxsfs.photometry import CosineFalloff
+from jaxsfs.estimation import estimate_photometry, prior_about
+from jaxsfs.photometry import CosineFalloff, NoFalloff
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +60,39 @@ def test_too_few_known_ranges_are_refused(scope):
         estimate_photometry(stored.mean(axis=-1) / 255, view.camera, known[:4], valid)
 
 
+def about_the_preset():
+    return prior_about(GammaResponse(2.2), CosineFalloff(1.6), Power(0.65))
+
+
+def two_apart(known):
+    by_range = sorted(known, key=lambda point: point[2])
+    return [by_range[0], by_range[-1]]
+
+
+def test_two_known_ranges_move_a_scope_towards_the_truth(scope):
+    view, stored, valid, known = scope
+    found = estimate_photometry(stored.mean(axis=-1) / 255, view.camera, two_apart(known), valid, about_the_preset())
+    before = abs_rel(view, stored, valid, 2.2, 1.6, 0.65)
+    after = abs_rel(view, stored, valid, found.gamma, found.mu, found.power)
+    assert before > 0.015
+    assert after < 0.8 * before
+    assert found.misfit < found.misfit_before
+
+
+def test_ranges_that_say_little_leave_the_prior_as_it_is(scope):
+    view, stored, valid, known = scope
+    u, v, distance = known[0]
+    beside = [(u, v, distance), (u, v, distance)]
+    found = estimate_photometry(stored.mean(axis=-1) / 255, view.camera, beside, valid, about_the_preset())
+    np.testing.assert_allclose((found.gamma, found.mu, found.power), (2.2, 1.6, 0.65), rtol=1e-3)
+    np.testing.assert_allclose(found.sd, (2.2 * 0.15, 0.5, 0.15), rtol=0.01)
+
+
+def test_a_prior_needs_the_forms_that_are_estimated():
+    with pytest.raises(ValueError, match="the preset has another form"):
+        prior_about(GammaResponse(2.2), NoFalloff(), Power(0.65))
+
+
 @pytest.fixture(scope="module")
 def folder(scope, tmp_path_factory):
     view, stored, _, known = scope
@@ -67,6 +100,7 @@ def folder(scope, tmp_path_factory):
     files.write_png(path / "image.png", stored)
     (path / "camera.json").write_text(json.dumps(camera_to_dict(view.camera)))
     (path / "known.csv").write_text("u,v,range\n" + "".join(f"{u},{v},{r:.4f}\n" for u, v, r in known))
+    (path / "one.csv").write_text("u,v,range\n" + "{},{},{:.4f}\n".format(*known[0]))
     (path / "lights.json").write_text('{"unit": "mm", "lights": [{"position": [0.2, 0, 0], "power": 1}]}')
     return path
 
@@ -104,7 +138,8 @@ def test_lights_need_a_scale_and_are_recorded(folder, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--estimate-photometry", "known.csv", "--preset", "colonoscope"], "finds what --preset would set"),
+        (["--estimate-photometry", "known.csv", "--response", "srgb"], "finds what --response would set"),
+        (["--estimate-photometry", "one.csv", "--preset", "colonoscope"], "at least 2 known ranges"),
         (["--estimate-photometry", "camera.json"], "header u,v,range"),
         (["--lights", "known.csv", "--known-range", "80,60,12"], "is not JSON"),
         (["--estimate-photometry", "known.csv", "--light", "distant"], "belong to a light at the camera"),

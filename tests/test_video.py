@@ -18,7 +18,9 @@ from jaxsfs import files
 from jaxsfs.cli import main
 from jaxsfs.files._frames import open_frames
 from jaxsfs.files._store import FrameStore, create_store
-from jaxsfs.frames import FIGURES, STATUSES
+from jaxsfs.frames import FIGURES, STATUSES, FrameSettings, reconstruct_frame
+from jaxsfs.photometry import NoFalloff, parse_response
+from jaxsfs.reflectance import Lambertian
 
 xarray = pytest.importorskip("xarray", reason="the extra cluster is not installed")
 pytest.importorskip("zarr", reason="the extra cluster is not installed")
@@ -72,6 +74,48 @@ def test_every_frame_has_a_status(folder, scene, tmp_path, capsys):
         error = np.abs(good * np.nanmedian(scene.range) / np.nanmedian(good) / scene.range - 1)
         assert np.nanmean(error) < 0.01
         assert data.valid_pixels.values[1] == data.valid.values[1].sum()
+
+
+@pytest.fixture(scope="module")
+def flat_topped(scene, tmp_path_factory) -> Path:
+    """Two 16-bit pictures that stop below the type's limit."""
+    path = tmp_path_factory.mktemp("flat")
+    files.write_camera(path / "camera.json", scene.camera_file)
+    stored = scene.photo.stored
+    for index in range(2):
+        cut = np.minimum(stored, int(np.percentile(stored.max(axis=-1), 80)))
+        files.write_png(path / f"frame{index}.png", cut)
+    return path
+
+
+def test_a_plateau_below_the_limit_is_warned_of_and_unknown_if_asked(flat_topped, tmp_path, capsys):
+    assert run(flat_topped, tmp_path / "a.zarr", "--json") == 0
+    said = capsys.readouterr()
+    assert "--clip-limit highest" in said.err
+    found = json.loads(said.out)["plateau"]
+    assert found["share"] > 0.1
+    assert run(flat_topped, tmp_path / "b.zarr", "--clip-limit", "highest") == 0
+    assert "warning" not in capsys.readouterr().err
+    assert FrameStore(tmp_path / "b.zarr").attributes["settings"]["clip_limit"]["value"] == found["value"]
+    with xarray.open_zarr(tmp_path / "a.zarr") as left, xarray.open_zarr(tmp_path / "b.zarr") as out:
+        assert left.clipped_pixels.values.tolist() == [0, 0]
+        assert (out.clipped_pixels.values > 0.1 * SIZE**2).all()
+    assert run(flat_topped, tmp_path / "c.zarr", "--clip-limit", "most") == 2
+    assert "--clip-limit must be" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32])
+def test_a_limit_means_the_stored_value_whatever_the_response(scene, dtype):
+    stored = scene.photo.stored if dtype == np.uint16 else (scene.photo.stored / 65535).astype(np.float32)
+    green = scene.photo.stored[..., 1] / 65535
+    limit = float(np.percentile(green[scene.valid], 80))
+    response = parse_response("gamma:2.2")
+    settings = FrameSettings(
+        scene.camera_file.camera, scene.valid, response, NoFalloff(), Lambertian(), (0, 1, 0), clip_limit=limit
+    )
+    expected = ((green >= limit) & scene.valid).sum()
+    assert 100 < expected < scene.valid.sum()
+    assert reconstruct_frame(stored, settings).figures["clipped_pixels"] == expected
 
 
 def test_a_second_run_computes_what_is_missing(folder, tmp_path, capsys, monkeypatch):

@@ -120,6 +120,22 @@ def test_bad_words(folder, capsys):
     assert "there is no file or folder nowhere" in capsys.readouterr().err
 
 
+def test_a_plateau_below_the_limit_is_warned_of(folder, scene, tmp_path, capsys):
+    (tmp_path / "in").mkdir()
+    stored = scene.photo.stored
+    cut = np.minimum(stored, int(np.percentile(stored.max(axis=-1), 80)))
+    files.write_png(tmp_path / "in" / "0.png", cut)
+    command = ["watch", str(tmp_path / "in"), *camera(folder), "--reduce", "2"]
+    assert main([*command, "--out", str(tmp_path / "a")]) == 0
+    assert "--clip-limit highest" in capsys.readouterr().err
+    assert main([*command, "--out", str(tmp_path / "b"), "--clip-limit", "highest"]) == 0
+    assert "warning" not in capsys.readouterr().err
+    as_data, unknown = ((tmp_path / out / "000000.png").read_bytes() for out in "ab")
+    assert as_data != unknown
+    assert main([*command, "--out", str(tmp_path / "c"), "--clip-limit", "-1"]) == 2
+    assert "--clip-limit must be" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("heeds_interrupts")
 def test_ctrl_c_ends_it(folder, scene, tmp_path):

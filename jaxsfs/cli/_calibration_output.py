@@ -1,13 +1,12 @@
 """What a calibration writes: camera file, report, summary."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxsfs import files
 from jaxsfs.calibration import Calibration
 from jaxsfs.cli._calibration_input import Photographs
-from jaxsfs.cli._terminal import command_line, progress, say, versions
+from jaxsfs.cli._terminal import command_line, progress, say, versions, warn
 
 if TYPE_CHECKING:
     from jaxsfs.cli._calibrate import CalibrateOptions
@@ -45,7 +44,7 @@ def write(options: "CalibrateOptions", given: Photographs, found: Calibration) -
     else:
         say(_summary(found, given, options.out))
     for text in found.warnings:
-        print(f"jaxsfs: warning: {text}", file=sys.stderr)
+        warn(text)
     return 0
 
 

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +10,7 @@ from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
 from jaxsfs.cli._settings import numbers
-from jaxsfs.cli._terminal import CannotRun, jax_session
+from jaxsfs.cli._terminal import CannotRun, jax_session, warn
 
 if TYPE_CHECKING:
     from jaxsfs.files import StoredResult
@@ -63,7 +62,7 @@ def measure(options: Annotated[MeasureOptions, FLAT]) -> int:
     print(json.dumps(record, indent=2) if options.json else _table(record))
     if stored.trustworthy:
         return 0
-    print(f"jaxsfs: warning: the result is not to be trusted: {stored.message}", file=sys.stderr)
+    warn(f"the result is not to be trusted: {stored.message}")
     return _NOT_TRUSTWORTHY
 
 

@@ -50,7 +50,7 @@ def photometric(options: ReconstructOptions, file: CameraFile, photo: Photo) -> 
     sources: list[Source] = [
         (COMMAND_LINE, given),
         (CAMERA_FILE, photometry_texts(file, options.camera)),
-        (f"preset {options.preset}", _preset(options.preset)),
+        (f"preset {options.preset}", preset_texts(options.preset)),
     ]
     settings = {name: choose(name, sources, Setting(text, DEFAULT)) for name, text in _DEFAULTS.items()}
     settings["response"] = _response(sources, photo)
@@ -64,7 +64,8 @@ def photometric(options: ReconstructOptions, file: CameraFile, photo: Photo) -> 
     return Photometric(**settings, albedo=albedo, unit=unit)
 
 
-def _preset(name: str | None) -> dict[str, str]:
+def preset_texts(name: str | None) -> dict[str, str]:
+    """The settings of a preset, as text. Raises InputError for a name that is none."""
     if name is None:
         return {}
     if name not in PRESETS:

@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxsfs import files
 from jaxsfs.camera import AbstractCamera, camera_to_dict
+from jaxsfs.cli._clipping import plateau_record
 from jaxsfs.cli._clock import Clock
 from jaxsfs.cli._reconstruct_input import Input, initial_form, read
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
@@ -152,7 +153,7 @@ def _record(
         "unit": settings.unit,
         "figures": {
             "range": _lengths(result),
-            "photograph": prepared.photo.as_dict() | {"plateau": None if flat is None else flat._asdict()},
+            "photograph": prepared.photo.as_dict() | {"plateau": plateau_record(flat)},
             "preparation": prepared.figures(),
             "solution": result.statistics.as_dict(),
         },

@@ -9,19 +9,21 @@ from jaxtyping import Bool, Float
 
 from jaxsfs import files
 from jaxsfs.camera import CameraFile
+from jaxsfs.cli._clipping import clip_limit
 from jaxsfs.cli._initial import check_mask_size, parse_initial, parse_known_range, read_heights, read_known_ranges
-from jaxsfs.cli._photometric import Photometric, photometric
+from jaxsfs.cli._photometric import Photometric, photometric, preset_texts
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
-from jaxsfs.cli._settings import CAMERA_FILE, COMMAND_LINE, DEFAULT, Setting, check_clip_limit
+from jaxsfs.cli._settings import CAMERA_FILE, COMMAND_LINE, DEFAULT, Setting
 from jaxsfs.cli._terminal import progress
-from jaxsfs.estimation import PhotometryEstimate, estimate_photometry
+from jaxsfs.estimation import WEAK, PhotometryEstimate, Prior, estimate_photometry, prior_about
 from jaxsfs.field import find_field
 from jaxsfs.initial import AbstractInitial
 from jaxsfs.lights import Lights
 from jaxsfs.noise import noise_level, smoothing_for
-from jaxsfs.photo import clipping_limit, size_message
-from jaxsfs.photometry import NoFalloff
+from jaxsfs.photo import size_message
+from jaxsfs.photometry import NoFalloff, parse_falloff, parse_response
 from jaxsfs.preparation import prepare
+from jaxsfs.reflectance import parse_reflectance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +70,9 @@ def read(options: ReconstructOptions) -> Input:
     if options.lights is not None:
         _check_scale(options, settings)
         given = dataclasses.replace(given, lights=files.read_lights(options.lights))
-    return given if options.estimate_photometry is None else _estimated(options.estimate_photometry, given)
+    if options.estimate_photometry is None:
+        return given
+    return _estimated(options.estimate_photometry, given, WEAK if options.preset is None else _prior(options.preset))
 
 
 def _check_scale(options: ReconstructOptions, settings: Photometric) -> None:
@@ -81,7 +85,14 @@ def _check_scale(options: ReconstructOptions, settings: Photometric) -> None:
         )
 
 
-def _estimated(path: Path, given: Input) -> Input:
+def _prior(preset: str) -> Prior:
+    texts = preset_texts(preset)
+    return prior_about(
+        parse_response(texts["response"]), parse_falloff(texts["falloff"]), parse_reflectance(texts["reflectance"])
+    )
+
+
+def _estimated(path: Path, given: Input, prior: Prior) -> Input:
     """With response, fall-off, reflectance and scale from known ranges."""
     known = read_known_ranges(path, given.size)
     progress(f"estimating the photometry from {len(known)} known ranges")
@@ -96,7 +107,7 @@ def _estimated(path: Path, given: Input) -> Input:
         clip_limit=given.clip.value,
     )
     grey = np.asarray(start.parsed("response").encode(prepared.irradiance.values))
-    found = estimate_photometry(grey, given.file.camera, known, np.asarray(prepared.irradiance.valid))
+    found = estimate_photometry(grey, given.file.camera, known, np.asarray(prepared.irradiance.valid), prior)
     origin = f"estimated from {found.known} known ranges in {path}"
     texts = {name: Setting(text, origin) for name, text in found.texts().items()}
     settings = dataclasses.replace(start, **texts, albedo=Setting(found.gain_albedo, origin), unit="mm")
@@ -113,11 +124,7 @@ def _smooth(options: ReconstructOptions, photo: files.Photo, valid: Bool[np.ndar
 
 def _clip(options: ReconstructOptions, photo: files.Photo) -> Setting:
     """Stored value from which a pixel is clipped; None: nothing is."""
-    word, own = options.clip_limit, clipping_limit(photo.dtype)
-    if word == "auto":
-        return Setting(own, f"automatic, {photo.dtype}")
-    limits = {"off": None, "highest": float(photo.values[photo.valid].max(initial=0)) or own}
-    return Setting(limits[word] if word in limits else check_clip_limit(word), COMMAND_LINE)
+    return clip_limit(options.clip_limit, photo.dtype, float(photo.values[photo.valid].max(initial=0)))
 
 
 def _mask(

@@ -74,7 +74,7 @@ class ReconstructOptions:
     # The range R in mm at pixel (U, V), which sets the scale instead of --albedo.
     known_range: Annotated[str | None, value("U,V,R", default="none")] = None
     # CSV file with the header u,v,range (mm): known ranges, from which response, fall-off, reflectance and scale are
-    # estimated. At least five, at different distances; fewer do not help.
+    # estimated. At least five, at different distances; with --preset two, which then say how this scope differs.
     estimate_photometry: Annotated[Path | None, value("FILE", default="none")] = None
     # Lights beside the lens (JSON, mm): the surface is corrected for them. Needs the scale: --known-range, --albedo in
     # mm², or a calibrated gain_albedo in the camera file.
@@ -127,7 +127,7 @@ class ReconstructOptions:
             raise CannotRun("--lights and --estimate-photometry belong to a light at the camera, not --light distant")
         if self.estimate_photometry is None:
             return
-        found = ("response", "falloff", "reflectance", "preset", "albedo", "known_range")
+        found = ("response", "falloff", "reflectance", "albedo", "known_range")
         given = [f"--{name.replace('_', '-')}" for name in found if getattr(self, name) is not None]
         if given:
             raise CannotRun(f"--estimate-photometry finds what {', '.join(given)} would set; leave one of them out")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
-from jaxsfs.cli._terminal import CannotRun, jax_session, say
+from jaxsfs.cli._terminal import CannotRun, jax_session, say, warn
 
 _COMPLIANT = 0.8  # share of planar regions; exact dichromatic pictures reach 0.98 or more, real frames 0.2 to 0.65
 
@@ -55,8 +55,10 @@ def _separated(options: SpecularOptions) -> int:
     import numpy as np
 
     from jaxsfs import files
+    from jaxsfs.cli._clipping import plateau_warning
+    from jaxsfs.cli._initial import check_mask_size
     from jaxsfs.field import find_field
-    from jaxsfs.photo import automatic_response
+    from jaxsfs.photo import automatic_response, plateau
     from jaxsfs.photometry import parse_response
     from jaxsfs.specular import dichromatic_compliance, remove_highlights, saturated
 
@@ -64,9 +66,18 @@ def _separated(options: SpecularOptions) -> int:
     curve = options.response or automatic_response(photo.dtype)
     response = parse_response(curve)
     stored = photo.values.astype(np.float32)
-    usable = photo.valid & (find_field(stored).mask if options.mask is None else files.read_mask(options.mask))
+    if options.mask is None:
+        mask = find_field(stored).mask
+    else:
+        mask = files.read_mask(options.mask)
+        check_mask_size(options.mask, mask.shape, stored.shape[1::-1])
+    usable = photo.valid & mask
     linear = np.asarray(response.decode(jnp.asarray(stored)))
     clipped = saturated(stored, options.saturation) & usable
+    flat = plateau(stored, usable, options.saturation)
+    if flat is not None:
+        # rounded down, so that the value itself is reached
+        warn(plateau_warning(flat._asdict(), f"--saturation {flat.value - 5e-5:.4f}"))
     found = remove_highlights(
         linear,
         usable,

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from jaxsfs.cli._clipping import plateau_warning
+
 
 def summary(record: Mapping[str, Any], folder: Path, seconds: float) -> str:
     """What was found, how far it can be trusted, and where each assumption came from."""
@@ -51,11 +53,7 @@ def _uncertainty(found: Mapping[str, Any] | None, unit: str) -> list[tuple[str, 
 def _plateau(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     if found is None:
         return []
-    text = (
-        f"{found['share']:.1%} of the pixels share the highest value {found['value']:.4g} of full scale: probably "
-        "clipped, but taken as data; --clip-limit highest takes them as unknown"
-    )
-    return [("warning", text)]
+    return [("warning", plateau_warning(found))]
 
 
 def _seconds(found: Mapping[str, float]) -> str:

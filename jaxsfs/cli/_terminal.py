@@ -24,6 +24,11 @@ def say(text: str) -> None:
         print(text)
 
 
+def warn(text: str) -> None:
+    """Says on stderr what is probably not as the user thinks; --quiet does not keep it back."""
+    print(f"jaxsfs: warning: {text}", file=sys.stderr, flush=True)
+
+
 @contextlib.contextmanager
 def jax_session(precision: int) -> Iterator[None]:
     """JAX in 32 or 64 bit for a `with` block, its compiled programs kept in the user's cache folder for next time.

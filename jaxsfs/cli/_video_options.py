@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import value
-from jaxsfs.cli._settings import check_albedo, smooth_px
+from jaxsfs.cli._settings import check_albedo, check_clip_limit, smooth_px
 from jaxsfs.cli._terminal import CannotRun
 
 
@@ -52,6 +52,9 @@ class VideoOptions:
     albedo: Annotated[float | None, value("RHO", default="the camera file's gain_albedo, else 1")] = None
     # Highlights, as jaxsfs reconstruct deals with them.
     specular: Literal["auto", "mask", "dichromatic", "off"] = "auto"
+    # Stored value, as a share of full scale, from which a pixel is clipped and so no data; auto: the last two steps of
+    # an integer type, none of float; highest: the highest value of some frames; off: nothing is clipped.
+    clip_limit: Annotated[str, value("auto|highest|off|VALUE")] = "auto"
     # Highlights and clipping are dealt with on a picture of 1/N of the size.
     shrink: Annotated[int | None, value("N", default="short side / 170 px")] = None
     # Gaussian smoothing in linear light; auto: 0 to 1.5 px by the frames' noise, the same for all.
@@ -83,6 +86,7 @@ class VideoOptions:
         if self.processes and self.scheduler:
             raise CannotRun("--processes and --scheduler both say who computes; give one of them")
         check_albedo(self.albedo)
+        check_clip_limit(self.clip_limit)
 
     def chosen(self, count: int) -> range:
         """The frames of a source that has `count`."""

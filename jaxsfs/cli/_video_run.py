@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxsfs import files
 from jaxsfs.camera import CameraFile, camera_to_dict
+from jaxsfs.cli._clipping import clipping
 from jaxsfs.cli._initial import check_mask_size
 from jaxsfs.cli._photometric import Photometric, photometric
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
@@ -86,6 +87,7 @@ def _job(options: VideoOptions, frames: AbstractFrames, chosen: range) -> tuple[
     if sigma is None:
         sigma, noise = common_smoothing(some, mask)
         sigma_origin = f"automatic, median noise {noise:.2%} of full scale"
+    clip, flat = clipping(options.clip_limit, some, mask)
     texts = {name: getattr(settings, name).value for name in ("response", "falloff", "reflectance", "channel")}
     job = Job(
         source=str(options.input.resolve()),
@@ -96,6 +98,7 @@ def _job(options: VideoOptions, frames: AbstractFrames, chosen: range) -> tuple[
         albedo=float(settings.albedo.value),
         specular=options.specular,
         highlight=None,
+        clip_limit=clip.value,
         shrink=options.shrink or shrink_for(file.camera),
         smooth_px=float(sigma),
         occlusions=options.occlusions,
@@ -107,6 +110,7 @@ def _job(options: VideoOptions, frames: AbstractFrames, chosen: range) -> tuple[
     kept = ("specular", "shrink", "occlusions", "rim", "rounds", "scale")
     origins = {name: getattr(settings, name).as_dict() for name in (*texts, "albedo")}
     origins |= {"mask": mask_origin.as_dict(), "smooth_px": Setting(sigma, sigma_origin).as_dict()}
+    origins["clip_limit"] = clip.as_dict()
     origins["highlight"] = Setting(job.highlight, f"from {len(some)} frames").as_dict()
     origins |= {name: given_or_default(options, name, getattr(job, name)).as_dict() for name in kept}
     unit = "median range of the frame" if options.scale == "frame" else settings.unit
@@ -115,6 +119,7 @@ def _job(options: VideoOptions, frames: AbstractFrames, chosen: range) -> tuple[
         "source": options.input.name,  # no path: a store may be passed on
         "camera": json.loads(job.camera),
         "settings": origins,
+        "plateau": flat,
         "scale": _SCALES[options.scale],
         "unit": unit,
         "axes": "u right, v down; camera frame x right, y down, z forward; range along each pixel's ray, not depth",
@@ -208,6 +213,7 @@ def _summary(options: VideoOptions, store: FrameStore, there: int, seconds: floa
         "computed": computed,
         "seconds": round(seconds, 3),
         "frames_per_second": round(computed / seconds, 3),
+        "plateau": store.attributes["plateau"],
         "statuses": dict(counts),
         "scale": store.attributes["scale"],
         "unit": store.attributes["unit"],

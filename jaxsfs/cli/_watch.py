@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from jaxsfs.cli._options import FLAT, value
+from jaxsfs.cli._settings import check_clip_limit
 from jaxsfs.cli._terminal import CannotRun, jax_session
 from jaxsfs.video._worker import pin_threads
 
@@ -27,6 +28,9 @@ class WatchOptions:
     reduce: int = 2
     # Highlights, as jaxsfs reconstruct deals with them.
     specular: Literal["auto", "mask", "off"] = "off"
+    # Stored value, as a share of full scale, from which a pixel is clipped and so no data; auto: the last two steps of
+    # an integer type, none of float; highest: the highest value of the first frame; off: nothing is clipped.
+    clip_limit: Annotated[str, value("auto|highest|off|VALUE")] = "auto"
     # End after so many overlays.
     count: Annotated[int | None, value("N", default="without end; a file or folder ends by itself")] = None
     # Replace pictures of an earlier run in --out.
@@ -39,6 +43,7 @@ class WatchOptions:
             raise CannotRun(f"--port must lie between 0 and 65535, got {self.port}")
         if self.reduce < 1:
             raise CannotRun(f"--reduce must be 1 or more, got {self.reduce}")
+        check_clip_limit(self.clip_limit)
 
 
 def watch(options: Annotated[WatchOptions, FLAT]) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxsfs import files
 from jaxsfs.camera import CameraFile
+from jaxsfs.cli._clipping import clipping
 from jaxsfs.cli._photometric import photometric
 from jaxsfs.cli._reconstruct_options import ReconstructOptions
 from jaxsfs.cli._terminal import CannotRun, progress, say
@@ -92,6 +93,7 @@ def _settings(options: WatchOptions, file: CameraFile, frame: np.ndarray) -> Fra
     chosen = photometric(still, file, photo_of(frame, options.source))
     small = _reduced(frame, options.reduce)
     mask, _ = common_mask([small], chosen.response.value)
+    field = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
     camera = file.camera.resized(small.shape[1], small.shape[0])
     settings = FrameSettings(
         camera=camera,
@@ -100,6 +102,7 @@ def _settings(options: WatchOptions, file: CameraFile, frame: np.ndarray) -> Fra
         weights=chosen.parsed("channel"),
         albedo=chosen.albedo.value,
         specular=options.specular,
+        clip_limit=clipping(options.clip_limit, [frame], field)[0].value,
         shrink=shrink_for(camera),
         smooth_px=common_smoothing([small], mask)[0],
         occlusions="off",

@@ -30,9 +30,11 @@ def dichromatic_compliance(
     root is below 1 % of that of the largest. `linear`: response inverted; `usable`: pixels that are data. Where several
     body colours meet under highlights, or the response is wrong, a ⟂ k_s does not give the body.
     """
-    height, width = (length // SIDE * SIDE for length in usable.shape)
-    whole = usable[:height, :width].reshape(height // SIDE, SIDE, -1, SIDE).all(axis=(1, 3))
-    regions = linear[:height, :width].reshape(height // SIDE, SIDE, -1, SIDE, 3).swapaxes(1, 2)[whole]
+    down, across = (length // SIDE for length in usable.shape)
+    blocks = (down, SIDE, across, SIDE)
+    cut = np.s_[: down * SIDE, : across * SIDE]
+    whole = usable[cut].reshape(blocks).all(axis=(1, 3))
+    regions = linear[cut].reshape(*blocks, 3).swapaxes(1, 2)[whole]
     if len(regions) < _FEWEST:
         return Compliance(float("nan"), len(regions))
     white = np.linalg.inv(np.linalg.cholesky(noise_covariance(linear, usable)))

@@ -33,6 +33,7 @@ class Job:
     albedo: float
     specular: Literal["auto", "mask", "dichromatic", "off"]
     highlight: tuple[float, float, float] | None
+    clip_limit: float | None
     shrink: int
     smooth_px: float
     occlusions: Literal["auto", "off"]
@@ -41,7 +42,18 @@ class Job:
     scale: Literal["locked", "frame"]
 
 
-_AS_GIVEN = ("albedo", "specular", "highlight", "shrink", "smooth_px", "occlusions", "rim", "rounds", "scale")
+_AS_GIVEN = (
+    "albedo",
+    "specular",
+    "highlight",
+    "clip_limit",
+    "shrink",
+    "smooth_px",
+    "occlusions",
+    "rim",
+    "rounds",
+    "scale",
+)
 
 
 def packed(mask: np.ndarray) -> bytes:
