@@ -67,7 +67,14 @@ def _from_curve(title, size, phi, speed, truth, repetitions):
                 f"jaxsfs, order {order}",
                 lambda order=order: jax.block_until_ready(arrival_times(f, k, spacing=spacing, order=order)).time,
                 error,
-                note="float32",
+                note=measure.by(),
+            ),
+            measure.Program(
+                "the same by XLA alone",
+                lambda order=order: (
+                    jax.block_until_ready(arrival_times(f, k, spacing=spacing, order=order, updates="rows")).time
+                ),
+                error,
             ),
             missing
             or measure.Program(
@@ -92,9 +99,9 @@ def _from_point(size, x, y, repetitions):
     def error(time):
         return float(np.abs(np.asarray(time, float) - truth).mean())
 
-    def ours(dtype, order):
-        f = jnp.asarray(speed, dtype)
-        return lambda: jax.block_until_ready(arrival_from_point(f, (u, v), spacing=spacing, order=order)).time
+    def ours(dtype, order, updates=None):
+        f, more = jnp.asarray(speed, dtype), {"spacing": spacing, "order": order, "updates": updates}
+        return lambda: jax.block_until_ready(arrival_from_point(f, (u, v), **more)).time
 
     with jax.enable_x64(True):
         double = jnp.asarray(speed, jnp.float64)
@@ -103,9 +110,10 @@ def _from_point(size, x, y, repetitions):
         with jax.enable_x64(True):
             return jax.block_until_ready(arrival_from_point(double, (u, v), spacing=spacing)).time
 
-    first = [measure.Program("jaxsfs, order 1", ours(jnp.float32, 1), error, note="float32, factored")]
+    first = [measure.Program("jaxsfs, order 1", ours(jnp.float32, 1), error, note=measure.by("factored"))]
     second = [
-        measure.Program("jaxsfs, order 2", ours(jnp.float32, 2), error, note="float32, factored"),
+        measure.Program("jaxsfs, order 2", ours(jnp.float32, 2), error, note=measure.by("factored")),
+        measure.Program("the same by XLA alone", ours(jnp.float32, 2, "rows"), error),
         measure.Program("jaxsfs, order 2, float64", ours_double, error, note="factored"),
     ]
     for order, programs in ((1, first), (2, second)):

@@ -13,6 +13,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from jaxsfs.native import preferred
+
 FIELDS = ("comparison", "size", "program", "ms", "ns_per_px", "cpu_ns_per_px", "ratio", "cpu_ratio", "error", "note")
 
 
@@ -84,10 +86,17 @@ def _seconds(run) -> tuple[float, float]:
     return time.perf_counter() - begin[0], time.process_time() - begin[1]
 
 
+def by(more: str = "") -> str:
+    """A note on who computes our sweeps in single precision."""
+    return "float32, " + {"numba": "Numba", "rows": "XLA"}[preferred()] + (more and f", {more}")
+
+
 def machine() -> str:
     """What the times were measured on."""
     versions = [
-        f"{name} {importlib.metadata.version(name)}" for name in ("jax", "numpy") if importlib.util.find_spec(name)
+        f"{name} {importlib.metadata.version(name)}"
+        for name in ("jax", "numpy", "numba")
+        if importlib.util.find_spec(name)
     ]
     return (
         f"{platform.machine()}, {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.1f}, "

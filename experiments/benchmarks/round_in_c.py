@@ -32,8 +32,9 @@ def rows(size: int, repetitions: int) -> list[dict]:
     inside = jnp.ones((size, size), bool)
     known = jnp.full((size, size), jnp.inf, jnp.float32).at[size // 3, size // 4].set(0)
 
-    def ours(count=ROUNDS):
-        return jax.block_until_ready(sweep(shading, metric, inside, known, order=1, max_rounds=count, tolerance=-1.0)).w
+    def ours(updates=None):
+        rounds = {"max_rounds": ROUNDS, "tolerance": -1.0}
+        return jax.block_until_ready(sweep(shading, metric, inside, known, order=1, updates=updates, **rounds)).w
 
     reference = np.asarray(ours())
 
@@ -41,7 +42,10 @@ def rows(size: int, repetitions: int) -> list[dict]:
         return float(np.abs(np.asarray(time) - reference).mean())
 
     programs = [
-        measure.Program("jaxsfs, order 1", ours, error, parts=ROUNDS, note="float32, error: difference to the C loop"),
+        measure.Program(
+            "jaxsfs, order 1", ours, error, parts=ROUNDS, note=measure.by("error: difference to the C loop")
+        ),
+        measure.Program("the same by XLA alone", lambda: ours("rows"), error, parts=ROUNDS),
         _in_c(metric, known, error),
     ]
     return measure.compare("first-order round", size, programs, repetitions)

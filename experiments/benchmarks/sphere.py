@@ -36,12 +36,13 @@ def rows(size: int, repetitions: int) -> list[dict]:
     inside = jnp.ones((size, size), bool)
     known = jnp.asarray(np.where(beyond <= 2.5 / camera.f, truth, np.inf), jnp.float32)
 
-    def ours():
-        return jax.block_until_ready(sweep(shading, metric, inside, known, order=2, tolerance=1e-5)).w
+    def ours(updates=None):
+        return jax.block_until_ready(sweep(shading, metric, inside, known, tolerance=1e-5, updates=updates)).w
 
     skfmm, missing = measure.peer("skfmm", "scikit-fmm")
     programs = [
-        measure.Program("jaxsfs, order 2", ours, error, note="float32"),
+        measure.Program("jaxsfs, order 2", ours, error, note=measure.by()),
+        measure.Program("the same by XLA alone", lambda: ours("rows"), error),
         missing
         or measure.Program(
             "scikit-fmm, order 2", _resampled(skfmm, stereographic(camera, rays), speed), error, note="resampled"

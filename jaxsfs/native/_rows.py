@@ -51,7 +51,7 @@ def _lower_edge(best, m, a, b, determinant, h, constant, linear, square):
 
 @compiled
 @no_type_check
-def _row(v, owner, lines, metric, balance, top, free, direction, way):
+def _row(v, owner, scratch, lines, metric, balance, top, free, direction, way):
     """New values of a row in place: `jaxsfs.updates._pixel.offered` and `taken`, pixel by pixel.
 
     `lines`: this row as it was and the two that were swept before it, each with a margin of two pixels; `way`: the sign
@@ -63,30 +63,33 @@ def _row(v, owner, lines, metric, balance, top, free, direction, way):
     here, straight, after = lines[0][PAD : n + PAD], lines[1][PAD : n + PAD], lines[2][PAD : n + PAD]
     left, right = lines[1][PAD - 1 : n + PAD - 1], lines[1][PAD + 1 : n + PAD + 1]
     far_left, far_right = lines[2][0:n], lines[2][2 * PAD : n + 2 * PAD]
+    side, mixed, slope1, drop1, slope2, drop2 = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5]
+    # two loops, since a processor overlaps the steps of two short chains of operations, not those of a long one
     for j in range(n):
         old, m1, on_left, on_right, m11 = here[j], straight[j], left[j], right[j], after[j]
-        m_left, m_right = far_left[j], far_right[j]
-        a11, a12, a22 = g11[j], sign * g12[j], g22[j]
-        c0, c1, c2 = constant[j], linear[j], square[j]
-        limit, own, may = top[j], owner[j], free[j]
-        determinant = a11 * a22 - a12 * a12
-        pull, room = c2 * m1 + HALF * c1, c0 - m1 * (c2 * m1 + c1)
+        m_left, m_right, a11, a12, a22 = far_left[j], far_right[j], g11[j], sign * g12[j], g22[j]
+        room = constant[j] - m1 * (square[j] * m1 + linear[j])
         # right − left < −2 g₁₂ √(room/(g₁₁ |g|)), squared with its signs
         rise, skew = on_right - on_left, -TWO * a12
         bounded = room if room > ZERO else ZERO
-        from_right = rise * abs(rise) * (a11 * determinant) < skew * abs(skew) * bounded
+        from_right = rise * abs(rise) * (a11 * (a11 * a22 - a12 * a12)) < skew * abs(skew) * bounded
         m2 = on_right if from_right else on_left
-        m22 = m_right if from_right else m_left
-        a12 = a12 if from_right else -a12
         a1, b1 = _difference(old, m1, m11, second)
-        a2, b2 = _difference(old, m2, m22, second)
+        a2, b2 = _difference(old, m2, m_right if from_right else m_left, second)
+        side[j], mixed[j] = m2, a12 if from_right else -a12
+        slope1[j], drop1[j], slope2[j], drop2[j] = a1, b1, a2, b2
+    for j in range(n):
+        old, m1, m2, a1, b1, a2, b2 = here[j], straight[j], side[j], slope1[j], drop1[j], slope2[j], drop2[j]
+        a11, a12, a22, c0, c1, c2 = g11[j], mixed[j], g22[j], constant[j], linear[j], square[j]
+        limit, own, may = top[j], owner[j], free[j]
+        determinant = a11 * a22 - a12 * a12
         best = _lower_edge(HUGE, m1, a1, b1, determinant, a11, c0, c1, c2)
         best = _lower_edge(best, m2, a2, b2, determinant, a11 + TWO * a12 + a22, c0, c1, c2)
         a, b = a1 - a2, b1 - b2 - a2 * (m2 - m1)
         across, along = a22 * a1 + a12 * a, a12 * a1 + a11 * a
         quad = a1 * across + a * along + c2
-        half = b1 * across + b * along - pull
-        rest = b1 * (a22 * b1 + TWO * a12 * b) + a11 * b * b - room
+        half = b1 * across + b * along - (c2 * m1 + HALF * c1)
+        rest = b1 * (a22 * b1 + TWO * a12 * b) + a11 * b * b - (c0 - m1 * (c2 * m1 + c1))
         x = (half + math.sqrt(half * half - quad * rest)) / quad
         p1, p2 = a1 * x - b1, a * x - b
         aside = a12 * p1 + a11 * p2
@@ -107,13 +110,14 @@ def _sweep(v, owner, metric, balance, top, free, direction, forward, way):
     (g11, g12, g22), (constant, linear, square) = metric, balance
     height, width = v.shape
     lines = np.full((3, width + 2 * PAD), v.dtype.type(HUGE))
+    scratch = np.empty((6, width), v.dtype)
     for n in range(height):
         i = n if forward else height - 1 - n
         here, before, beyond = lines[n % 3], lines[(n + 2) % 3], lines[(n + 1) % 3]
         copy(v[i], here[PAD : width + PAD])
         coefficients = constant[i % constant.shape[0]], linear[i % linear.shape[0]], square[i % square.shape[0]]
         local = g11[i], g12[i], g22[i]
-        _row(v[i], owner[i], (here, before, beyond), local, coefficients, top[i], free[i], direction, way)
+        _row(v[i], owner[i], scratch, (here, before, beyond), local, coefficients, top[i], free[i], direction, way)
         copy(v[i], here[PAD : width + PAD])
 
 
