@@ -107,7 +107,7 @@ class TestDoctor:
         assert said["devices"]["devices"]
         assert said["devices"]["cores"] == os.cpu_count()
         assert {"jax", "python", "jaxsfs"} <= said["versions"].keys()
-        assert said["extras"].keys() == {"dicom", "exr", "cluster"}
+        assert said["extras"].keys() == {"fast", "dicom", "exr", "cluster"}
 
     def test_of_a_machine_that_computes_wrong(self, monkeypatch, capsys):
         import equinox as eqx

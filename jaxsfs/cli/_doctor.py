@@ -14,6 +14,7 @@ from jaxsfs.cli._terminal import CannotRun, jax_session, progress, versions
 _NOT_TRUSTWORTHY = 3
 _LARGEST_ERROR = 5e-3  # of the self-test's range; a sound machine has 2e-4
 _EXTRAS = {
+    "fast": ("numba",),
     "dicom": ("pydicom",),
     "exr": ("OpenEXR",),
     "cluster": ("dask", "distributed", "xarray", "zarr"),

@@ -6,6 +6,7 @@ eight bytes wide or padded to it, so that the frame is read as an array of 64-bi
 """
 
 import ctypes
+import threading
 from collections.abc import Callable
 from functools import cache
 from typing import Any, no_type_check
@@ -37,6 +38,7 @@ compiled = _kept(numba.njit, fastmath=FLAGS, error_model="numpy", nogil=True)
 _FRAME_WORDS, _EXTENSION, ARGUMENTS, RESULTS = 22, 1, 9, 14
 _BUFFER_WORDS, _DATA, _RANK, _EXTENTS = 6, 3, 4, 5
 SQUARE = 16  # pixels that are turned together
+_REGISTERING = threading.Lock()
 _METADATA = 1  # the extension by which XLA asks which interface a function speaks
 _VERSION = 6  # words of 32 bits in the metadata: major and minor version, traits
 
@@ -143,9 +145,15 @@ def turn(source, target):
                     row[i] = column[i]
 
 
-@cache
 def registered(function: Callable[..., int]) -> str:
-    """The name under which XLA knows `function`(call frame), which Numba compiles here, once a process."""
+    """The name under which XLA knows `function`(call frame), which Numba compiles here, once a process whatever the
+    number of threads that ask: XLA takes a name once."""
+    with _REGISTERING:
+        return _registered(function)
+
+
+@cache
+def _registered(function: Callable[..., int]) -> str:
     native = _kept(numba.cfunc, types.int64(types.CPointer(types.int64)))(function)
     name = f"{function.__module__}.{function.__qualname__}"
     jax.ffi.register_ffi_target(name, _capsule(native.address), platform="cpu")
