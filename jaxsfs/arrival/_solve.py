@@ -64,7 +64,7 @@ def arrival_times(
         order=_checked(order),
         max_rounds=max_rounds,
         tolerance=tolerance,
-        updates=updates or preferred(),
+        updates=updates,
     )
 
 
@@ -99,7 +99,7 @@ def arrival_from_point(
         order=_checked(order),
         max_rounds=max_rounds,
         tolerance=tolerance,
-        updates=updates or preferred(),
+        updates=updates,
     )
 
 
@@ -110,7 +110,7 @@ def _checked(order: int) -> int:
 
 
 @partial(jax.jit, static_argnames=("order", "max_rounds", "tolerance", "updates"))
-def _solve(speed, known, spacing, source, *, order: int, max_rounds: int, tolerance: float, updates: Updates):
+def _solve(speed, known, spacing, source, *, order: int, max_rounds: int, tolerance: float, updates: Updates | None):
     slowness = jnp.where((speed > 0) & jnp.isfinite(speed), spacing / speed, HUGE)
     base, factor = None, None
     if source is not None:
@@ -122,7 +122,7 @@ def _solve(speed, known, spacing, source, *, order: int, max_rounds: int, tolera
     v = jnp.where(given, known, HUGE)
     if base is not None:
         v, slowness = jnp.where(given, jnp.ones_like(known), HUGE), slowness / base
-    solver = _BY[updates]
+    solver = _BY[updates or preferred()]
     limit = tolerance if order == 1 else _SETTLED
     v, rounds = _rounds(solver, v, None, slowness, factor, max_rounds, limit)
     if order == 2:

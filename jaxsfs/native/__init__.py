@@ -6,11 +6,13 @@ one loop. The functions know nothing of cameras or surfaces; what they compute i
 
 import importlib
 import importlib.util
+from collections.abc import Callable
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import numpy as np
+from jaxtyping import Array
 
 
 @cache
@@ -45,3 +47,9 @@ def target_for(what: Target, dtype) -> str:
 
     module = importlib.import_module(f"jaxsfs.native.{_MODULES[what]}")
     return registered(getattr(module, f"{what}_in_{'single' if dtype == np.float32 else 'double'}"))
+
+
+def function(what: Target, *like: Array) -> Callable[..., Any]:
+    """What `target_for` names, to be called in a traced program; its results have shape and type of `like`."""
+    results = tuple(jax.ShapeDtypeStruct(x.shape, x.dtype) for x in like)
+    return jax.ffi.ffi_call(target_for(what, like[0].dtype), results, vmap_method="sequential")

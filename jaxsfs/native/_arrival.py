@@ -15,26 +15,11 @@ from jaxsfs.native._kernel import (
     image,
     image_or_number,
     is_question,
-    turn,
+    put_back,
+    swept_copy,
     vector,
 )
-
-ZERO, QUARTER, HALF, ONE, TWO, FOUR = (np.float32(x) for x in (0, 0.25, 0.5, 1, 2, 4))  # exact in every type
-HUGE = np.float32(1e30)
-PAD = 2  # pixels beyond a row that second order reads
-
-
-@compiled
-@no_type_check
-def _limited(here, near, far):
-    """(a, b) of `jaxsfs.arrival._rows._limited`."""
-    fall, before = here - near, near - far
-    ratio = before / fall
-    share = min(FOUR * ratio - ONE, TWO - HALF * ratio)
-    share = share if share > ZERO else ZERO
-    share = share if share < ONE else ONE
-    share = HALF * share if fall > ZERO else ZERO
-    return ONE + share, share * before
+from jaxsfs.native._numbers import HALF, HUGE, ONE, PAD, QUARTER, TWO, ZERO, limited_difference
 
 
 @compiled
@@ -91,8 +76,8 @@ def _second_order(v, lines, slowness, owners, bits, root2):
         m_left, m_right, own = far_left[j], far_right[j], owners[j]
         from_left = on_right - on_left > ZERO
         diagonal = on_left if from_left else on_right
-        a0, b0 = _limited(old, m, m1)
-        a1, b1 = _limited(old, diagonal, m_left if from_left else m_right)
+        a0, b0 = limited_difference(old, m, m1, HALF)
+        a1, b1 = limited_difference(old, diagonal, m_left if from_left else m_right, HALF)
         new = _from_triangle(m, diagonal, a0, b0, a1, b1, s, root2)
         owns, first = (own & bits[0]) != 0, (own & bits[1]) != 0
         better = new < (old if owns else old - QUARTER * s)
@@ -179,21 +164,15 @@ def _sweeps_called(address, real):
     if is_question(frame):
         return 0
     given, wanted = buffers(frame, ARGUMENTS, 6), buffers(frame, RESULTS, 1)
-    v, new, slowness, owners = image(given[0], real), image(wanted[0], real), image(given[1], real), given[2]
+    v, slowness, owners = image(given[0], real), image(given[1], real), image(given[2], np.uint8)
     width = slowness.shape[1]
     factor = image_or_number(given[3], width, real), image_or_number(given[4], width, real)
     flags = vector(given[5], 3, np.int8)
     columns, second, factored = np.int64(flags[0]), flags[1] != 0, flags[2] != 0
-    swept = np.empty(slowness.shape, real) if columns else new
-    if columns:
-        turn(v, swept)
-    else:
-        for i in range(v.shape[0]):
-            copy(v[i], new[i])
+    swept = swept_copy(v, slowness.shape, columns)
     for backward in range(2):
-        _sweep(swept, slowness, image(owners, np.uint8), factor, 2 * columns + backward, second, factored)
-    if columns:
-        turn(swept, new)
+        _sweep(swept, slowness, owners, factor, 2 * columns + backward, second, factored)
+    put_back(swept, image(wanted[0], real), columns)
     return 0
 
 
@@ -210,15 +189,10 @@ def _offers_called(address, real):
     factor = image_or_number(given[2], width, real), image_or_number(given[3], width, real)
     flags = vector(given[4], 2, np.int8)
     columns, factored = np.int64(flags[0]), flags[1] != 0
-    values = np.empty(slowness.shape, real) if columns else v
-    if columns:
-        turn(v, values)
+    values, offers = swept_copy(v, slowness.shape, columns), np.empty(slowness.shape, real)
     for backward in range(2):
-        offers = image(wanted[backward], real)
-        turned = np.empty(slowness.shape, real) if columns else offers
-        _offers(values, turned, slowness, factor, 2 * columns + backward, factored)
-        if columns:
-            turn(turned, offers)
+        _offers(values, offers, slowness, factor, 2 * columns + backward, factored)
+        put_back(offers, image(wanted[backward], real), columns)
     return 0
 
 

@@ -14,12 +14,11 @@ from jaxsfs.native._kernel import (
     copy,
     image,
     is_question,
-    turn,
+    put_back,
+    swept_copy,
     vector,
 )
-
-ZERO = np.float32(0)  # exact in every type
-PAD = 2  # pixels beyond a row that are read
+from jaxsfs.native._numbers import PAD, ZERO
 
 
 @compiled
@@ -99,30 +98,6 @@ def _push(total, waiting, weights, owner, forward):
 
 @compiled
 @no_type_check
-def _swept_copy(x, shape, columns):
-    """x, with columns for rows where sweeps go over the columns."""
-    swept = np.empty(shape, x.dtype)
-    if columns:
-        turn(x, swept)
-    else:
-        for i in range(x.shape[0]):
-            copy(x[i], swept[i])
-    return swept
-
-
-@compiled
-@no_type_check
-def _put_back(swept, target, columns):
-    """The inverse of `_swept_copy`."""
-    if columns:
-        turn(swept, target)
-    else:
-        for i in range(swept.shape[0]):
-            copy(swept[i], target[i])
-
-
-@compiled
-@no_type_check
 def _pulls_called(address, real):
     """One call by XLA: arguments and result as `jaxsfs.implicit._numba` lists them."""
     frame = call_frame(address)
@@ -131,11 +106,11 @@ def _pulls_called(address, real):
     given, wanted = buffers(frame, ARGUMENTS, 5), buffers(frame, RESULTS, 1)
     x, b, weights = image(given[0], real), image(given[1], real), image(given[2], real)
     owner, columns = image(given[3], np.int8), vector(given[4], 1, np.int8)[0] != 0
-    swept = _swept_copy(x, owner.shape, columns)
-    turned = _swept_copy(b, owner.shape, columns)
+    swept = swept_copy(x, owner.shape, columns)
+    turned = swept_copy(b, owner.shape, columns)
     for forward in (True, False):
         _pull(swept, turned, weights, owner, forward)
-    _put_back(swept, image(wanted[0], real), columns)
+    put_back(swept, image(wanted[0], real), columns)
     return 0
 
 
@@ -149,11 +124,11 @@ def _pushes_called(address, real):
     given, wanted = buffers(frame, ARGUMENTS, 5), buffers(frame, RESULTS, 2)
     total, waiting, weights = image(given[0], real), image(given[1], real), image(given[2], real)
     owner, columns = image(given[3], np.int8), vector(given[4], 1, np.int8)[0] != 0
-    sums, rest = _swept_copy(total, owner.shape, columns), _swept_copy(waiting, owner.shape, columns)
+    sums, rest = swept_copy(total, owner.shape, columns), swept_copy(waiting, owner.shape, columns)
     for forward in (False, True):
         _push(sums, rest, weights, owner, forward)
-    _put_back(sums, image(wanted[0], real), columns)
-    _put_back(rest, image(wanted[1], real), columns)
+    put_back(sums, image(wanted[0], real), columns)
+    put_back(rest, image(wanted[1], real), columns)
     return 0
 
 

@@ -38,7 +38,6 @@ compiled = _kept(numba.njit, fastmath=FLAGS, error_model="numpy", nogil=True)
 _FRAME_WORDS, _EXTENSION, ARGUMENTS, RESULTS = 22, 1, 9, 14
 _BUFFER_WORDS, _DATA, _RANK, _EXTENTS = 6, 3, 4, 5
 SQUARE = 16  # pixels that are turned together
-_REGISTERING = threading.Lock()
 _METADATA = 1  # the extension by which XLA asks which interface a function speaks
 _VERSION = 6  # words of 32 bits in the metadata: major and minor version, traits
 
@@ -143,6 +142,33 @@ def turn(source, target):
                 column, row = square[:, j], turned[j]
                 for i in range(column.shape[0]):
                     row[i] = column[i]
+
+
+@compiled
+@no_type_check
+def swept_copy(x, shape, columns):
+    """x, with columns for rows where sweeps go over the columns."""
+    swept = np.empty(shape, x.dtype)
+    if columns:
+        turn(x, swept)
+    else:
+        for i in range(x.shape[0]):
+            copy(x[i], swept[i])
+    return swept
+
+
+@compiled
+@no_type_check
+def put_back(swept, target, columns):
+    """The inverse of `swept_copy`."""
+    if columns:
+        turn(swept, target)
+    else:
+        for i in range(swept.shape[0]):
+            copy(swept[i], target[i])
+
+
+_REGISTERING = threading.Lock()
 
 
 def registered(function: Callable[..., int]) -> str:

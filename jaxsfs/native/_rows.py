@@ -15,26 +15,11 @@ from jaxsfs.native._kernel import (
     image,
     image_or_number,
     is_question,
-    turn,
+    put_back,
+    swept_copy,
     vector,
 )
-
-ZERO, HALF, ONE, TWO, FOUR = (np.float32(x) for x in (0, 0.5, 1, 2, 4))  # exact in every type
-HUGE = np.float32(1e30)
-PAD = 2  # pixels beyond a row that second order reads
-
-
-@compiled
-@no_type_check
-def _difference(here, near, far, second):
-    """(a, b) of `jaxsfs.updates._pixel`; `second` is ½, or 0 for first order."""
-    fall, before = here - near, near - far
-    ratio = before / fall
-    share = min(FOUR * ratio - ONE, TWO - HALF * ratio)
-    share = share if share > ZERO else ZERO
-    share = share if share < ONE else ONE
-    share = second * share if fall > ZERO else ZERO
-    return ONE + share, share * before
+from jaxsfs.native._numbers import HALF, HUGE, PAD, TWO, ZERO, limited_difference
 
 
 @compiled
@@ -74,8 +59,8 @@ def _row(v, owner, scratch, lines, metric, balance, top, free, direction, way):
         bounded = room if room > ZERO else ZERO
         from_right = rise * abs(rise) * (a11 * (a11 * a22 - a12 * a12)) < skew * abs(skew) * bounded
         m2 = on_right if from_right else on_left
-        a1, b1 = _difference(old, m1, m11, second)
-        a2, b2 = _difference(old, m2, m_right if from_right else m_left, second)
+        a1, b1 = limited_difference(old, m1, m11, second)
+        a2, b2 = limited_difference(old, m2, m_right if from_right else m_left, second)
         side[j], mixed[j] = m2, a12 if from_right else -a12
         slope1[j], drop1[j], slope2[j], drop2[j] = a1, b1, a2, b2
     for j in range(n):
@@ -137,22 +122,12 @@ def _called(address, real):
     balance = constant, linear, image_or_number(given[9], width, real)
     flags = vector(given[10], 3, np.int8)
     columns, second, frozen = flags[0], real(0.5 if flags[1] else 0), real(4e30 if flags[2] else 0)
-    new, new_owner = image(wanted[0], real), image(wanted[1], np.int8)
-    if columns:
-        swept, swept_owner = np.empty(top.shape, real), np.empty(top.shape, np.int8)
-        turn(v, swept)
-        turn(owner, swept_owner)
-    else:
-        swept, swept_owner = new, new_owner
-        for i in range(v.shape[0]):
-            copy(v[i], new[i])
-            copy(owner[i], new_owner[i])
+    swept, swept_owner = swept_copy(v, top.shape, columns), swept_copy(owner, top.shape, columns)
     for forward in (True, False):
         way = (real(1 if forward else -1), second, frozen)
         _sweep(swept, swept_owner, metric, balance, top, free, np.int8(2 * columns + forward), forward, way)
-    if columns:
-        turn(swept, new)
-        turn(swept_owner, new_owner)
+    put_back(swept, image(wanted[0], real), columns)
+    put_back(swept_owner, image(wanted[1], np.int8), columns)
     return 0
 
 

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 
+from jaxsfs.native import function
 from jaxsfs.shading import Balance
 from jaxsfs.updates._pixel import BalanceOf, Frame, Image, Owners
 
@@ -21,10 +21,8 @@ def compiled_rows(
 def _both_sweeps(v: Image, owner: Owners, frame: Frame, balance: Balance, flags) -> Any:
     """There and back over the rows or the columns; `frame` and `balance` have columns for rows for the latter, v and
     owners never. `flags`: whether over columns, second order, frozen owners."""
-    from jaxsfs.native import target_for
-
-    same = tuple(jax.ShapeDtypeStruct(x.shape, x.dtype) for x in (v, owner))
-    call = jax.ffi.ffi_call(target_for("sweeps", v.dtype), same, vmap_method="sequential")
     numbers = (jnp.asarray(x, v.dtype) for x in (balance.constant, balance.linear, balance.square))
     flags = jnp.stack([jnp.asarray(x, jnp.int8) for x in flags])
-    return call(v, owner, frame.g11, frame.g12, frame.g22, frame.top, frame.free, *numbers, flags)
+    return function("sweeps", v, owner)(
+        v, owner, frame.g11, frame.g12, frame.g22, frame.top, frame.free, *numbers, flags
+    )
