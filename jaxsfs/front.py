@@ -98,8 +98,8 @@ def _steps(inside: Mask) -> int:
     return 4 * max(inside.shape)
 
 
-def _stopping(dtype, steps: int | None) -> dict[str, float | int]:
-    tolerance = 1e-6 if dtype == jnp.float32 else 1e-9
+def _stopping(dtype, steps: int | None) -> dict[str, float | int | None]:
+    tolerance = None if dtype == jnp.float32 else 1e-9
     return {"tolerance": tolerance, "max_rounds": steps or (40 if dtype == jnp.float32 else 80)}
 
 

@@ -21,6 +21,8 @@ Image = Float[Array, "height width"]
 Mask = Bool[Array, "height width"]
 
 _SETTLED = 1e-2  # mean relative change of v in a round after which the order of the pixels is known
+_SHARE = 5e-3  # of what the first round of second order changed: no more than that need the last one change
+_CLOSEST, _ROUGHEST = 1e-6, 1e-5  # limits of what that may come to; more would be called not settled
 
 
 class Sweeps(eqx.Module):
@@ -46,14 +48,15 @@ def sweep(
     *,
     order: int = 2,
     max_rounds: int = 40,
-    tolerance: float = 1e-6,
+    tolerance: float | None = None,
     updates: Updates | None = None,
 ) -> Sweeps:
     """Solves for w on `inside`.
 
     `known`: w where it is given (Dirichlet), +inf elsewhere. Pixels outside `inside` are left out of every
     difference (state constraints). Stops when the mean relative change of v in a round is below `tolerance`: on a
-    noisy image single pixels go on flickering for no gain. `updates`: the order in which pixels are updated, and by
+    noisy image single pixels go on flickering for no gain. None: below 0.005 of what second order changed at first, a
+    measure of the error that no further round takes away, but between 1e-6 and 1e-5. `updates`: the order in which pixels are updated, and by
     whom; None takes rows, by Numba where that is installed and JAX works on the CPU.
     """
     one_round = ROUNDS[updates or preferred()]
@@ -75,22 +78,26 @@ def sweep(
         return (unchanging or _turned(shading.balance(v, p)))[axis]
 
     def proceed(state):
-        _, _, rounds, change, settled_at = state
-        return (rounds < max_rounds) & ~((change < tolerance) & (rounds > settled_at) & (rounds >= order))
+        _, _, rounds, change, settled_at, limit = state
+        return (rounds < max_rounds) & ~((change < limit) & (rounds > settled_at) & (rounds >= order))
 
     def body(state):
-        v, owner, rounds, _, settled_at = state
+        v, owner, rounds, _, settled_at, limit = state
         # one round of first order says where things come from; which pixel follows which may be mended while the
         # solution settles and once more: at a kink it would change for ever
         second = (order == 2) & (rounds > 0)
         frozen = second & (rounds > settled_at + 1)
         new, owner = one_round(v, owner, balance_of, frames, second, frozen)
         change = jnp.mean(jnp.abs(new - v) / jnp.maximum(jnp.abs(new), extent), where=inside)
-        return new, owner, rounds + 1, change, jnp.where(change < _SETTLED, jnp.minimum(settled_at, rounds), settled_at)
+        settled_at = jnp.where(change < _SETTLED, jnp.minimum(settled_at, rounds), settled_at)
+        if tolerance is None:
+            limit = jnp.where(second & (rounds == 1), jnp.clip(_SHARE * change, _CLOSEST, _ROUGHEST), limit)
+        return new, owner, rounds + 1, change, settled_at, limit
 
     settled = jnp.int32(-1 if order == 1 else max_rounds)
-    start = (v, jnp.full(v.shape, -1, jnp.int8), jnp.int32(0), jnp.asarray(jnp.inf, v.dtype), settled)
-    v, owner, rounds, change, _ = jax.lax.while_loop(proceed, body, start)
+    unknown, limit = (jnp.asarray(x, v.dtype) for x in (jnp.inf, tolerance or _CLOSEST))
+    start = (v, jnp.full(v.shape, -1, jnp.int8), jnp.int32(0), unknown, settled, limit)
+    v, owner, rounds, change, _, _ = jax.lax.while_loop(proceed, body, start)
     reached = inside & (v < 0.5 * HUGE)
     return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change, owner)
 

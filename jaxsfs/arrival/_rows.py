@@ -4,7 +4,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, UInt8
+
+from jaxsfs._once import once
 
 Image = Float[Array, "height width"]
 
@@ -12,6 +14,7 @@ PAD = 2  # rows and columns beyond the image that second order reads
 HUGE = 1e30
 BEYOND = 0.5 * HUGE
 _ROOT2 = float(np.sqrt(2))
+_TIE = 0.1  # parts of a pixel's slowness: offers that differ by less make several owners of one pixel
 _TAKE_OVER = 0.25  # parts of a pixel's slowness: by so much less who owns nothing must offer
 
 
@@ -25,32 +28,72 @@ class Factor(eqx.Module):
         return Factor(self.along.T, self.across.T)
 
 
-def both_sweeps(v, owner, slowness, factor, axis: int):
-    """v after a sweep there and back over the rows (`axis` 0) or columns; all but v have columns for rows for the
-    latter. Second order where there are owners."""
-    vt = v.T if axis else v
-    for backward in (False, True):
-        vt = _directional_sweep(vt, owner, slowness, factor, not backward, np.uint8(1 << (2 * axis + backward)))
-    return vt.T if axis else vt
+class Frame(eqx.Module):
+    """The fields as sweeps over rows, or turned as those over columns, see them."""
+
+    slowness: Image
+    factor: Factor | None
+
+    def transposed(self) -> "Frame":
+        return Frame(self.slowness.T, None if self.factor is None else self.factor.transposed())
 
 
-def both_offers(v, slowness, factor, axis: int):
+Frames = tuple[Frame, Frame]
+Owners = tuple[UInt8[Array, "rows columns"], UInt8[Array, "columns rows"]]
+
+
+def everywhere(v: Image) -> None:
+    """Where the last round changed something: of no use here, a row is computed as a whole."""
+
+
+def one_round(
+    v: Image, changed: None, owners: Owners | None, frames: Frames, frozen
+) -> tuple[Image, None, Float[Array, ""]]:
+    """v after four sweeps (down, up, right, left), where it changed, and the mean change in units of the largest value.
+
+    `frames` and `owners` (see `owners_of`) as they are and with columns for rows. Second order where there are owners,
+    who stay as they are when `frozen`.
+    """
+    new, slack = v, jnp.where(frozen, HUGE, _TAKE_OVER).astype(v.dtype)
+    for axis, frame in enumerate(frames):
+        owner = None if owners is None else owners[axis]
+        for backward in (False, True):
+            new = _directional_sweep(new, owner, frame, not backward, np.uint8(1 << (2 * axis + backward)), slack)
+        new = new.T
+    reached = new < BEYOND
+    size = jnp.maximum(jnp.max(jnp.where(reached, jnp.abs(new), 0)), 1e-30)
+    return new, None, jnp.mean(jnp.minimum(jnp.abs(new - v), size)) / size
+
+
+def owners_of(v: Image, frames: Frames, never) -> Owners:
+    """Who offers each pixel almost the least in first order, as bits in the order of the sweeps; the first owner, who
+    offers the least, also four bits higher. `never`: see `once`."""
+    offers = once([*_both_offers(v, frames[0]), *(offer.T for offer in _both_offers(v.T, frames[1]))], never)
+    least = jnp.minimum(jnp.minimum(offers[0], offers[1]), jnp.minimum(offers[2], offers[3]))
+    owners = jnp.zeros(v.shape, jnp.uint8)
+    for n, offer in enumerate(offers):
+        owns = (offer <= least + _TIE * frames[0].slowness) & (offer < BEYOND)
+        owners |= jnp.where(owns, np.uint8(1 << n), np.uint8(0))
+        owners |= jnp.where((offer == least) & owns & (owners < 16), np.uint8(16 << n), np.uint8(0))
+    return owners, owners.T
+
+
+def _both_offers(v: Image, frame: Frame) -> list[Image]:
     """What first order offers each pixel from the row before and the row after it, v as it is."""
-    vt = v.T if axis else v
-    padded = jnp.pad(vt, PAD, constant_values=HUGE)
+    padded = jnp.pad(v, PAD, constant_values=HUGE)
     offers = []
     for sign in (1, -1):
 
         def neighbour(back, shift, sign=sign):
             begin = PAD - sign * back, PAD + shift
-            return jax.lax.slice(padded, begin, (begin[0] + vt.shape[0], begin[1] + vt.shape[1]))
+            return jax.lax.slice(padded, begin, (begin[0] + v.shape[0], begin[1] + v.shape[1]))
 
-        local = None if factor is None else (sign * factor.across, factor.along)
-        offers.append(_row_update(neighbour, slowness, local, False))
-    return [offer.T for offer in offers] if axis else offers
+        local = None if frame.factor is None else (sign * frame.factor.across, frame.factor.along)
+        offers.append(_row_update(neighbour, frame.slowness, local, False))
+    return offers
 
 
-def _directional_sweep(v, owner, slowness, factor, forward: bool, bit):
+def _directional_sweep(v, owner, frame: Frame, forward: bool, bit, slack):
     """One sweep down (`forward`) or up the rows.
 
     In second order values go up as well as down: a pixel's first owner sets it anew in every round, its others lower
@@ -70,13 +113,14 @@ def _directional_sweep(v, owner, slowness, factor, forward: bool, bit):
         def at(x):
             return jax.lax.dynamic_slice(x, (i, 0), (1, width))
 
+        factor = frame.factor
         local = None if factor is None else (sign * at(factor.across), at(factor.along))
         old = neighbour(0, 0)
-        new = _row_update(neighbour, at(slowness), local, owner is not None)
+        new = _row_update(neighbour, at(frame.slowness), local, owner is not None)
         better = new < old
         if owner is not None:
             mask = at(owner)
-            better &= ((mask & bit) != 0) | (new < old - _TAKE_OVER * at(slowness))
+            better &= ((mask & bit) != 0) | (new < old - slack * at(frame.slowness))
             better |= (mask & (bit << 4)) != 0
         new = jnp.where(better, new, old)
         return jax.lax.dynamic_update_slice(padded, new, (i + PAD, PAD))

@@ -15,16 +15,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsfs._once import once
 from jaxsfs.arrival import _numba, _rows
-from jaxsfs.arrival._rows import BEYOND, HUGE, Factor, Image
+from jaxsfs.arrival._rows import BEYOND, HUGE, Factor, Frame, Image
 from jaxsfs.forms import Scalar
 from jaxsfs.native import preferred
 
 Updates = Literal["rows", "numba"]
 _BY = {"rows": _rows, "numba": _numba}
-_TIE = 0.1  # parts of a pixel's slowness: offers that differ by less make several owners of one pixel
 _SETTLED = 1e-2  # mean relative change of a round, after which second order begins
+_SHARE = 0.1  # of what the first round of second order changed: no more than that need the last one change
+_CLOSEST, _ROUGHEST = 1e-5, 1e-4  # limits of what that may come to
 
 
 class ArrivalTimes(eqx.Module):
@@ -42,7 +42,7 @@ def arrival_times(
     spacing: Scalar = 1.0,
     order: int = 2,
     max_rounds: int = 40,
-    tolerance: float = 1e-5,
+    tolerance: float | None = None,
     updates: Updates | None = None,
 ) -> ArrivalTimes:
     """T with |∇T| = 1/F and T = `known` where that is finite (+inf elsewhere): the first arrival (viscosity solution).
@@ -50,11 +50,13 @@ def arrival_times(
     `speed` F > 0 in length per time, in units of which a pixel is `spacing` wide; no front enters a pixel where F is
     not positive and finite. For second order `known` should be given on a band two pixels wide. Raises ValueError for
     shapes that differ, an order other than 1 and 2, or where nothing is known. `updates`: who computes the sweeps, XLA
-    or functions that Numba compiled; None takes the faster one that is there.
+    or functions that Numba compiled; None takes the faster one that is there. `tolerance`: mean relative change of a
+    round after which it is enough; None: 1e-5, or in second order a tenth of what the first round of it changed if that
+    is more, up to 1e-4 (the scheme's own error is larger).
     """
     if speed.shape != known.shape:
         raise ValueError(f"speed has shape {speed.shape}, known times {known.shape}: expected the same")
-    if not bool(jnp.any(jnp.isfinite(known))):
+    if not np.isfinite(np.asarray(known)).any():
         raise ValueError("no arrival time is known: give T on the initial curve, +inf elsewhere")
     return _solve(
         speed,
@@ -75,13 +77,13 @@ def arrival_from_point(
     spacing: Scalar = 1.0,
     order: int = 2,
     max_rounds: int = 40,
-    tolerance: float = 1e-5,
+    tolerance: float | None = None,
     updates: Updates | None = None,
 ) -> ArrivalTimes:
     """T with |∇T| = 1/F and T = 0 at the pixel `source` (u, v), factored: T = T₀ τ, T₀ = |x − x_s|/F(x_s).
 
-    `speed`, `spacing` and `updates` as in `arrival_times`. Raises ValueError for a source outside the image or without
-    speed.
+    `speed`, `spacing`, `tolerance` and `updates`: as in `arrival_times`. Raises ValueError for a source outside the
+    image or without speed.
     """
     u, v = source
     height, width = speed.shape
@@ -110,7 +112,9 @@ def _checked(order: int) -> int:
 
 
 @partial(jax.jit, static_argnames=("order", "max_rounds", "tolerance", "updates"))
-def _solve(speed, known, spacing, source, *, order: int, max_rounds: int, tolerance: float, updates: Updates | None):
+def _solve(
+    speed, known, spacing, source, *, order: int, max_rounds: int, tolerance: float | None, updates: Updates | None
+):
     slowness = jnp.where((speed > 0) & jnp.isfinite(speed), spacing / speed, HUGE)
     base, factor = None, None
     if source is not None:
@@ -123,12 +127,11 @@ def _solve(speed, known, spacing, source, *, order: int, max_rounds: int, tolera
     if base is not None:
         v, slowness = jnp.where(given, jnp.ones_like(known), HUGE), slowness / base
     solver = _BY[updates or preferred()]
-    limit = tolerance if order == 1 else _SETTLED
-    v, rounds = _rounds(solver, v, None, slowness, factor, max_rounds, limit)
+    limit = (tolerance or _CLOSEST) if order == 1 else _SETTLED
+    frames = Frame(slowness, factor), Frame(slowness, factor).transposed()
+    v, rounds = _rounds(solver, v, None, frames, max_rounds, limit)
     if order == 2:
-        v, more = _rounds(
-            solver, v, _owners(solver, v, slowness, factor, rounds < 0), slowness, factor, max_rounds, tolerance
-        )
+        v, more = _rounds(solver, v, solver.owners_of(v, frames, rounds < 0), frames, max_rounds, tolerance)
         rounds += more
     reached = v < BEYOND
     time = v if base is None else jnp.where(given, 0, v * base)
@@ -143,45 +146,23 @@ def _factor_around(source, slowness):
     return slowness[source[0], source[1]] * jnp.sqrt(v * v + u * u), Factor(v / square, u / square)
 
 
-def _rounds(solver, start, owners, slowness, factor, max_rounds: int, tolerance: float):
-    """v after rounds of four sweeps each, until the mean change of a round is small; and their number. Second order
-    where `owners` are given."""
-    frames = _frames(slowness, factor)
-    owners = (None, None) if owners is None else (owners, owners.T)
+def _rounds(solver, start, owners, frames, max_rounds: int, tolerance: float | None):
+    """v after rounds of four sweeps each, until the mean relative change of a round is below `tolerance` (None: a share
+    of what the first one changed); and their number. Second order where `owners` are given."""
 
-    def one_round(state):
-        old, rounds, _ = state
-        new = old
-        for axis in (0, 1):
-            new = solver.both_sweeps(new, owners[axis], *frames[axis], axis)
-        reached = new < BEYOND
-        size = jnp.maximum(jnp.max(jnp.where(reached, jnp.abs(new), 0)), 1e-30)
-        change = jnp.mean(jnp.minimum(jnp.abs(new - old), size)) / size
-        return new, rounds + 1, change
+    def body(state):
+        v, changed, rounds, _, limit = state
+        # values find out in a first round whom they follow better
+        v, changed, change = solver.one_round(v, changed, owners, frames, (owners is not None) & (rounds > 0))
+        if tolerance is None:
+            limit = jnp.where(rounds == 0, jnp.clip(_SHARE * change, _CLOSEST, _ROUGHEST), limit)
+        return v, changed, rounds + 1, change, limit
 
     def proceed(state):
-        _, rounds, change = state
-        return (rounds < max_rounds) & (change > tolerance)
+        _, _, rounds, change, limit = state
+        return (rounds < max_rounds) & (change > limit)
 
-    start = start, jnp.int32(0), jnp.asarray(jnp.inf, slowness.dtype)
-    v, rounds, _ = jax.lax.while_loop(proceed, one_round, start)
+    unknown, limit = (jnp.asarray(x, start.dtype) for x in (jnp.inf, tolerance or 0))
+    start = start, solver.everywhere(start), jnp.int32(0), unknown, limit
+    v, _, rounds, _, _ = jax.lax.while_loop(proceed, body, start)
     return v, rounds
-
-
-def _frames(slowness, factor):
-    """The fields as sweeps over rows and over columns see them."""
-    return (slowness, factor), (slowness.T, None if factor is None else factor.transposed())
-
-
-def _owners(solver, v, slowness, factor, never):
-    """Who offers each pixel almost the least in first order, as bits in the order of the sweeps; the first owner, who
-    offers the least, also four bits higher."""
-    frames = _frames(slowness, factor)
-    offers = once([offer for axis in (0, 1) for offer in solver.both_offers(v, *frames[axis], axis)], never)
-    least = jnp.minimum(jnp.minimum(offers[0], offers[1]), jnp.minimum(offers[2], offers[3]))
-    owners = jnp.zeros(v.shape, jnp.uint8)
-    for n, offer in enumerate(offers):
-        owns = (offer <= least + _TIE * slowness) & (offer < BEYOND)
-        owners |= jnp.where(owns, np.uint8(1 << n), np.uint8(0))
-        owners |= jnp.where((offer == least) & owns & (owners < 16), np.uint8(16 << n), np.uint8(0))
-    return owners

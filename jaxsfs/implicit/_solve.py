@@ -22,7 +22,7 @@ Mask = Bool[Array, "height width"]
 class _Settings(NamedTuple):
     order: int
     max_rounds: int
-    tolerance: float
+    tolerance: float | None
 
 
 @partial(jax.jit, static_argnames=("order", "max_rounds", "tolerance"))
@@ -34,7 +34,7 @@ def solve(
     *,
     order: int = 2,
     max_rounds: int = 40,
-    tolerance: float = 1e-6,
+    tolerance: float | None = None,
 ) -> Sweeps:
     """`sweep`, with derivatives of w by `shading`, `inverse_metric` and `known` in forward and reverse mode.
 

@@ -26,11 +26,13 @@ def preferred() -> Literal["rows", "numba"]:
     return "numba" if is_available() and jax.default_backend() == "cpu" else "rows"
 
 
-Target = Literal["sweeps", "arrivals", "offers", "pulls", "pushes"]
+BLOCK = 64  # pixels; with less, what a run of blocks costs by itself is more than what is left out
+
+Target = Literal["sweeps", "rounds", "owners", "pulls", "pushes"]
 _MODULES: dict[Target, str] = {
     "sweeps": "_rows",
-    "arrivals": "_arrival",
-    "offers": "_arrival",
+    "rounds": "_arrivals",
+    "owners": "_arrivals",
     "pulls": "_causal",
     "pushes": "_causal",
 }
@@ -39,8 +41,8 @@ _MODULES: dict[Target, str] = {
 def target_for(what: Target, dtype) -> str:
     """The name under which XLA calls a function on images of a type; compiled when it is first asked for.
 
-    `sweeps` over rows or columns of the static form; `arrivals`: the same for arrival times, and the `offers` of both
-    sides; `pulls` and `pushes`: of the linear system of derivatives and its transpose. Raises ModuleNotFoundError where
+    `sweeps` over rows or columns of the static form; `rounds` of them for arrival times, and the `owners` of pixels
+    there; `pulls` and `pushes`: of the linear system of derivatives and its transpose. Raises ModuleNotFoundError where
     Numba is not installed.
     """
     from jaxsfs.native._kernel import registered
@@ -49,7 +51,7 @@ def target_for(what: Target, dtype) -> str:
     return registered(getattr(module, f"{what}_in_{'single' if dtype == np.float32 else 'double'}"))
 
 
-def function(what: Target, *like: Array) -> Callable[..., Any]:
+def function(what: Target, dtype, *like: Array | jax.ShapeDtypeStruct) -> Callable[..., Any]:
     """What `target_for` names, to be called in a traced program; its results have shape and type of `like`."""
     results = tuple(jax.ShapeDtypeStruct(x.shape, x.dtype) for x in like)
-    return jax.ffi.ffi_call(target_for(what, like[0].dtype), results, vmap_method="sequential")
+    return jax.ffi.ffi_call(target_for(what, dtype), results, vmap_method="sequential")

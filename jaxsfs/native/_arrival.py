@@ -5,20 +5,9 @@ from typing import no_type_check
 
 import numpy as np
 
-from jaxsfs.native._kernel import (
-    ARGUMENTS,
-    RESULTS,
-    buffers,
-    call_frame,
-    compiled,
-    copy,
-    image,
-    image_or_number,
-    is_question,
-    put_back,
-    swept_copy,
-    vector,
-)
+from jaxsfs.native import BLOCK
+from jaxsfs.native._blocks import block_count, mark_changed, mark_near, mark_owned, next_run
+from jaxsfs.native._kernel import compiled, copy
 from jaxsfs.native._numbers import HALF, HUGE, ONE, PAD, QUARTER, TWO, ZERO, limited_difference
 
 
@@ -65,8 +54,9 @@ def _first_order(v, lines, slowness, root2):
 
 @compiled
 @no_type_check
-def _second_order(v, lines, slowness, owners, bits, root2):
-    """A row in place: the first owner sets a pixel anew, the others lower it, and who owns nothing only by much."""
+def _second_order(v, lines, slowness, owners, bits, root2, slack):
+    """A row in place: the first owner sets a pixel anew, the others lower it, and who owns nothing only by `slack` of
+    its slowness."""
     n = v.shape[0]
     here, straight, after = lines[0][PAD : n + PAD], lines[1][PAD : n + PAD], lines[2][PAD : n + PAD]
     left, right = lines[1][PAD - 1 : n + PAD - 1], lines[1][PAD + 1 : n + PAD + 1]
@@ -80,13 +70,13 @@ def _second_order(v, lines, slowness, owners, bits, root2):
         a1, b1 = limited_difference(old, diagonal, m_left if from_left else m_right, HALF)
         new = _from_triangle(m, diagonal, a0, b0, a1, b1, s, root2)
         owns, first = (own & bits[0]) != 0, (own & bits[1]) != 0
-        better = new < (old if owns else old - QUARTER * s)
+        better = new < (old if owns else old - slack * s)
         v[j] = new if better | first else old
 
 
 @compiled
 @no_type_check
-def _with_factor(v, lines, slowness, owners, across, along, bits, root2, sign, second):
+def _with_factor(v, lines, slowness, owners, across, along, bits, root2, sign, second, slack):
     """A row in place with a factor T₀ (`jaxsfs.arrival._rows.Factor`), of first or second order."""
     n = v.shape[0]
     here, straight, after = lines[0][PAD : n + PAD], lines[1][PAD : n + PAD], lines[2][PAD : n + PAD]
@@ -103,44 +93,64 @@ def _with_factor(v, lines, slowness, owners, across, along, bits, root2, sign, s
         a0, b0, a1, b1 = a0 + fall, b0 - fall * m, a1 + slope, b1 - slope * diagonal
         new = _from_triangle(m, diagonal, a0, b0, a1, b1, s, root2)
         owns, first = ((own & bits[0]) != 0) | (not second), (own & bits[1]) != 0
-        better = new < (old if owns else old - QUARTER * s)
+        better = new < (old if owns else old - slack * s)
         v[j] = new if better | first else old
 
 
 @compiled
 @no_type_check
-def _updated(v, lines, slowness, owners, across, along, nth, second, factored):
+def _updated(v, lines, slowness, owners, across, along, nth, second, factored, frozen):
     """A row in place, by the sweep that is the `nth` of a round."""
     real = slowness.dtype.type
     root2, sign = real(math.sqrt(2)), real(1 - 2 * (nth % 2))
-    bits = np.uint8(1 << nth), np.uint8(16 << nth)
+    bits, slack = (np.uint8(1 << nth), np.uint8(16 << nth)), real(HUGE) if frozen else real(QUARTER)
     if factored:
-        _with_factor(v, lines, slowness, owners, across, along, bits, root2, sign, second)
+        _with_factor(v, lines, slowness, owners, across, along, bits, root2, sign, second, slack)
     elif second:
-        _second_order(v, lines, slowness, owners, bits, root2)
+        _second_order(v, lines, slowness, owners, bits, root2, slack)
     else:
         _first_order(v, lines, slowness, root2)
 
 
 @compiled
 @no_type_check
-def _sweep(v, slowness, owners, factor, nth, second, factored):
-    """A sweep down (even `nth`) or up the rows, in place. Of what is the same everywhere there is one row."""
-    across, along = factor
+def sweep(v, slowness, owners, factor, squares, nth, second, factored, frozen):
+    """A sweep down (even `nth`) or up the rows, in place. Of what is the same everywhere there is one row.
+
+    Left out is where nothing would change: in first order blocks near which nothing did since sweeps of this way came
+    by last (`squares` of blocks: the awake ones, where something did, and the changed ones, where these sweeps did it);
+    in second order, while owners are `frozen`, blocks without pixels of its own.
+    """
+    (across, along), (awake, changed) = factor, squares
     height, width = v.shape
+    step = 1 if nth % 2 == 0 else -1
     lines = np.full((3, width + 2 * PAD), v.dtype.type(HUGE))
+    live = np.ones(block_count(width), np.uint8)
     for n in range(height):
-        i = n if nth % 2 == 0 else height - 1 - n
-        rows = lines[n % 3], lines[(n + 2) % 3], lines[(n + 1) % 3]
-        copy(v[i], rows[0][PAD : width + PAD])
-        local = across[i % across.shape[0]], along[i % along.shape[0]]
-        _updated(v[i], rows, slowness[i], owners[i], local[0], local[1], nth, second, factored)
-        copy(v[i], rows[0][PAD : width + PAD])
+        i = n if step > 0 else height - 1 - n
+        here, before, beyond = lines[n % 3], lines[(n + 2) % 3], lines[(n + 1) % 3]
+        copy(v[i], here[PAD : width + PAD])
+        if frozen:
+            mark_owned(live, owners[i % owners.shape[0]], np.uint8(17 << nth))
+        elif not second:
+            mark_near(live, awake[max(min(i - step, height - 1), 0) // BLOCK])
+        begin, end, a, b = next_run(live, 0, width)
+        if begin == end:
+            continue
+        while begin < end:
+            margin = slice(a, b + 2 * PAD)
+            rows = here[margin], before[margin], beyond[margin]
+            local = across[i % across.shape[0], a:b], along[i % along.shape[0], a:b]
+            part = v[i, a:b], rows, slowness[i, a:b], owners[i % owners.shape[0], a:b]
+            _updated(*part, *local, nth, second, factored, frozen)
+            begin, end, a, b = next_run(live, end, width)
+        mark_changed(changed[i // BLOCK], awake[i // BLOCK], v[i], here[PAD : width + PAD])
+        copy(v[i], here[PAD : width + PAD])
 
 
 @compiled
 @no_type_check
-def _offers(v, offers, slowness, factor, nth, factored):
+def offers_of(v, offers, slowness, factor, nth, factored):
     """What each pixel is offered in first order from the row before it, v as it is: less than a row without data."""
     across, along = factor
     height, width = v.shape
@@ -153,68 +163,4 @@ def _offers(v, offers, slowness, factor, nth, factored):
             copy(v[i - step], lines[1, PAD : width + PAD])
             local = across[i % across.shape[0]], along[i % along.shape[0]]
             rows = lines[0], lines[1], lines[0]
-            _updated(offers[i], rows, slowness[i], nobody, local[0], local[1], nth, False, factored)
-
-
-@compiled
-@no_type_check
-def _sweeps_called(address, real):
-    """One call by XLA: arguments and result as `jaxsfs.arrival._numba` lists them."""
-    frame = call_frame(address)
-    if is_question(frame):
-        return 0
-    given, wanted = buffers(frame, ARGUMENTS, 6), buffers(frame, RESULTS, 1)
-    v, slowness, owners = image(given[0], real), image(given[1], real), image(given[2], np.uint8)
-    width = slowness.shape[1]
-    factor = image_or_number(given[3], width, real), image_or_number(given[4], width, real)
-    flags = vector(given[5], 3, np.int8)
-    columns, second, factored = np.int64(flags[0]), flags[1] != 0, flags[2] != 0
-    swept = swept_copy(v, slowness.shape, columns)
-    for backward in range(2):
-        _sweep(swept, slowness, owners, factor, 2 * columns + backward, second, factored)
-    put_back(swept, image(wanted[0], real), columns)
-    return 0
-
-
-@compiled
-@no_type_check
-def _offers_called(address, real):
-    """The same for offers."""
-    frame = call_frame(address)
-    if is_question(frame):
-        return 0
-    given, wanted = buffers(frame, ARGUMENTS, 5), buffers(frame, RESULTS, 2)
-    v, slowness = image(given[0], real), image(given[1], real)
-    width = slowness.shape[1]
-    factor = image_or_number(given[2], width, real), image_or_number(given[3], width, real)
-    flags = vector(given[4], 2, np.int8)
-    columns, factored = np.int64(flags[0]), flags[1] != 0
-    values, offers = swept_copy(v, slowness.shape, columns), np.empty(slowness.shape, real)
-    for backward in range(2):
-        _offers(values, offers, slowness, factor, 2 * columns + backward, factored)
-        put_back(offers, image(wanted[backward], real), columns)
-    return 0
-
-
-@no_type_check
-def arrivals_in_single(address):
-    """Both sweeps over the rows or columns of float32 images, for `registered`."""
-    return _sweeps_called(address, np.float32)
-
-
-@no_type_check
-def arrivals_in_double(address):
-    """Both sweeps over the rows or columns of float64 images, for `registered`."""
-    return _sweeps_called(address, np.float64)
-
-
-@no_type_check
-def offers_in_single(address):
-    """What each pixel of a float32 image is offered from both sides, for `registered`."""
-    return _offers_called(address, np.float32)
-
-
-@no_type_check
-def offers_in_double(address):
-    """What each pixel of a float64 image is offered from both sides, for `registered`."""
-    return _offers_called(address, np.float64)
+            _updated(offers[i], rows, slowness[i], nobody, local[0], local[1], nth, False, factored, False)

@@ -5,6 +5,7 @@ from typing import no_type_check
 
 import numpy as np
 
+from jaxsfs.native._blocks import block_count, mark_owned_by, next_run
 from jaxsfs.native._kernel import (
     ARGUMENTS,
     RESULTS,
@@ -90,19 +91,37 @@ def _row(v, owner, scratch, lines, metric, balance, top, free, direction, way):
 
 @compiled
 @no_type_check
-def _sweep(v, owner, metric, balance, top, free, direction, forward, way):
-    """A sweep down (`forward`) or up the rows, in place. Of what is the same everywhere there is one row."""
+def _sweep(v, owner, metric, balance, top, free, direction, forward, way, frozen):
+    """A sweep down (`forward`) or up the rows, in place. Of what is the same everywhere there is one row. While owners
+    are `frozen` only blocks with pixels of its own are looked at: nothing else would change."""
     (g11, g12, g22), (constant, linear, square) = metric, balance
     height, width = v.shape
     lines = np.full((3, width + 2 * PAD), v.dtype.type(HUGE))
     scratch = np.empty((6, width), v.dtype)
+    live = np.ones(block_count(width), np.uint8)
     for n in range(height):
         i = n if forward else height - 1 - n
         here, before, beyond = lines[n % 3], lines[(n + 2) % 3], lines[(n + 1) % 3]
         copy(v[i], here[PAD : width + PAD])
         coefficients = constant[i % constant.shape[0]], linear[i % linear.shape[0]], square[i % square.shape[0]]
-        local = g11[i], g12[i], g22[i]
-        _row(v[i], owner[i], scratch, (here, before, beyond), local, coefficients, top[i], free[i], direction, way)
+        if frozen:
+            mark_owned_by(live, owner[i], direction)
+        begin, end, a, b = next_run(live, 0, width)
+        while begin < end:
+            margin = slice(a, b + 2 * PAD)
+            _row(
+                v[i, a:b],
+                owner[i, a:b],
+                scratch,
+                (here[margin], before[margin], beyond[margin]),
+                (g11[i, a:b], g12[i, a:b], g22[i, a:b]),
+                (coefficients[0][a:b], coefficients[1][a:b], coefficients[2][a:b]),
+                top[i, a:b],
+                free[i, a:b],
+                direction,
+                way,
+            )
+            begin, end, a, b = next_run(live, end, width)
         copy(v[i], here[PAD : width + PAD])
 
 
@@ -121,11 +140,14 @@ def _called(address, real):
     constant, linear = image_or_number(given[7], width, real), image_or_number(given[8], width, real)
     balance = constant, linear, image_or_number(given[9], width, real)
     flags = vector(given[10], 3, np.int8)
-    columns, second, frozen = flags[0], real(0.5 if flags[1] else 0), real(4e30 if flags[2] else 0)
+    columns, second, frozen = flags[0], real(0.5 if flags[1] else 0), flags[2] != 0
     swept, swept_owner = swept_copy(v, top.shape, columns), swept_copy(owner, top.shape, columns)
     for forward in (True, False):
-        way = (real(1 if forward else -1), second, frozen)
-        _sweep(swept, swept_owner, metric, balance, top, free, np.int8(2 * columns + forward), forward, way)
+        way, direction = (
+            (real(1 if forward else -1), second, real(4e30 if frozen else 0)),
+            np.int8(2 * columns + forward),
+        )
+        _sweep(swept, swept_owner, metric, balance, top, free, direction, forward, way, frozen)
     put_back(swept, image(wanted[0], real), columns)
     put_back(swept_owner, image(wanted[1], np.int8), columns)
     return 0

@@ -23,6 +23,6 @@ def _both_sweeps(v: Image, owner: Owners, frame: Frame, balance: Balance, flags)
     owners never. `flags`: whether over columns, second order, frozen owners."""
     numbers = (jnp.asarray(x, v.dtype) for x in (balance.constant, balance.linear, balance.square))
     flags = jnp.stack([jnp.asarray(x, jnp.int8) for x in flags])
-    return function("sweeps", v, owner)(
+    return function("sweeps", v.dtype, v, owner)(
         v, owner, frame.g11, frame.g12, frame.g22, frame.top, frame.free, *numbers, flags
     )
