@@ -56,13 +56,12 @@ def sweep(
     `known`: w where it is given (Dirichlet), +inf elsewhere. Pixels outside `inside` are left out of every
     difference (state constraints). Stops when the mean relative change of v in a round is below `tolerance`: on a
     noisy image single pixels go on flickering for no gain. None: below 0.005 of what second order changed at first, a
-    measure of the error that no further round takes away, but between 1e-6 and 1e-5. `updates`: the order in which pixels are updated, and by
-    whom; None takes rows, by Numba where that is installed and JAX works on the CPU.
+    measure of the error that no further round takes away, but between 1e-6 and 1e-5. `updates`: the order in which
+    pixels are updated, and by whom; None takes rows, by Numba where that is installed and JAX works on the CPU.
     """
     one_round = ROUNDS[updates or preferred()]
     given = inside & jnp.isfinite(known)
     p = power_for(shading, order)
-    quadratic = order == 2 and shading.is_quadratic()
     top = jnp.where(inside, shading.lift(jnp.where(given, known, shading.deadline()), p), HUGE)
     top = jnp.minimum(top, HUGE)
     v = jnp.where(jnp.isfinite(top), top, HUGE)
@@ -72,10 +71,10 @@ def sweep(
     extent = (v.shape[0] + v.shape[1]) / jnp.sqrt(jnp.max(jnp.where(inside, frame.g11, 0)))
 
     # a quadratic equation does not change: it is computed and turned once
-    unchanging = _turned(shading.quadratic_balance()) if quadratic else None
+    unchanging = _turned(balance_for(shading, v, order)) if order == 2 and shading.is_quadratic() else None
 
     def balance_of(v, axis):
-        return (unchanging or _turned(shading.balance(v, p)))[axis]
+        return (unchanging or _turned(balance_for(shading, v, order)))[axis]
 
     def proceed(state):
         _, _, rounds, change, settled_at, limit = state
@@ -105,6 +104,13 @@ def sweep(
 def _turned(balance: Balance) -> tuple[Balance, Balance]:
     """As it is, and with columns for rows."""
     return balance, balance.map_images(jnp.transpose)
+
+
+def balance_for(shading: AbstractShading, v: Image, order: int) -> Balance:
+    """The equation in v that the sweeps solve, at `v` where it depends on it."""
+    if order == 2 and shading.is_quadratic():
+        return shading.quadratic_balance()
+    return shading.balance(v, power_for(shading, order))
 
 
 def power_for(shading: AbstractShading, order: int) -> Scalar:

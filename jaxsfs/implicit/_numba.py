@@ -13,7 +13,9 @@ def both_pulls(x, b, weights, owner, axis: int):
 
 def both_pushes(total, waiting, weights, owner, axis: int):
     """What was handed on, and what still waits, after Cᵀ up and down the rows or columns."""
-    return function("pushes", total.dtype, total, waiting)(total, waiting, *_of_frame(weights, owner), jnp.asarray([axis], jnp.int8))
+    return function("pushes", total.dtype, total, waiting)(
+        total, waiting, *_of_frame(weights, owner), jnp.asarray([axis], jnp.int8)
+    )
 
 
 def _of_frame(weights, owner):

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsfs._once import once
 from jaxsfs.implicit._causal import Causal
-from jaxsfs.implicit._stencil import Stencil, Upwind, find_stencil, misfit, upwind_values
+from jaxsfs.implicit._stencil import Differences, Stencil, differences, find_stencil, misfit, misfit_slopes
 from jaxsfs.shading import AbstractShading
 from jaxsfs.sweeping import Sweeps, power_for, sweep
 from jaxsfs.updates import HUGE
@@ -56,9 +56,9 @@ def _solution_jvp(settings: _Settings, primals, tangents):
     shading, metric, inside, known = primals
     shading_dot, metric_dot, _, known_dot = tangents
     found = w, reached, rounds, change, owner = _solution(shading, metric, inside, known, settings)
-    second = settings.order == 2
+    order = settings.order
     given = inside & jnp.isfinite(known)
-    p = power_for(shading, settings.order)
+    p = power_for(shading, order)
     # values that stand in where there is no equation: finite in every derivative
     v = shading.lift(jnp.where(reached, w, 0), p)
     metric = jnp.where(reached[..., None, None], metric, jnp.eye(2, dtype=metric.dtype)[None, None])
@@ -67,13 +67,14 @@ def _solution_jvp(settings: _Settings, primals, tangents):
     due = w >= top - 8 * jnp.finfo(w.dtype).eps * jnp.maximum(1, jnp.abs(w))
     data = jnp.where(reached, v, HUGE)
     computed = partial(once, never=rounds < 0)
-    stencil = computed(find_stencil(data, owner, shading, metric, p, reached & ~given & ~due, second))
-    held, upwind = computed((v, upwind_values(data, stencil, HUGE)))
-    causal, slope = computed(_linearised(held, upwind, stencil, shading, metric, p, second))
+    free = reached & ~given & ~due
+    held, (stencil, upwind) = computed((v, find_stencil(data, owner, shading, metric, free, order, rounds < 0)))
+    d = computed(differences(held, upwind, stencil, order))
+    causal, slope = computed(_linearised(held, d, stencil, shading, metric, order))
 
     def by_parameters(shading, metric, known):
-        p = jnp.asarray(power_for(shading, settings.order), w.dtype)
-        unsolved = misfit(held, upwind, stencil, shading, metric, p, second) / -slope
+        p = jnp.asarray(power_for(shading, order), w.dtype)
+        unsolved = misfit(held, d, stencil, shading, metric, order) / -slope
         bound = jnp.where(given, known, shading.deadline())
         fixed = shading.lift(jnp.where(reached & ~stencil.active, bound, 0), p)
         return jnp.where(stencil.active, unsolved, jnp.where(reached, fixed, 0)), p
@@ -93,14 +94,9 @@ def _solution_jvp(settings: _Settings, primals, tangents):
 
 
 def _linearised(
-    v: Image, upwind: Upwind, stencil: Stencil, shading: AbstractShading, metric, p, second: bool
+    v: Image, d: Differences, stencil: Stencil, shading: AbstractShading, metric, order: int
 ) -> tuple[Causal, Image]:
     """C and ∂F/∂v."""
-    active = stencil.active
-
-    def summed(v, upwind):
-        return jnp.sum(jnp.where(active, misfit(v, upwind, stencil, shading, metric, p, second), 0))
-
-    slope, by_upwind = jax.grad(summed, argnums=(0, 1))(v, upwind)
-    slope = jnp.where(active, slope, 1)
-    return Causal(stencil, jax.tree.map(lambda x: jnp.where(active, -x / slope, 0), by_upwind)), slope
+    slope, by_upwind = misfit_slopes(v, d, stencil, shading, metric, order)
+    slope = jnp.where(stencil.active, slope, 1)
+    return Causal(stencil, jax.tree.map(lambda x: jnp.where(stencil.active, -x / slope, 0), by_upwind)), slope

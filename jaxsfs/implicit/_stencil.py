@@ -1,12 +1,16 @@
 """Which pixels each value of a static solution came from, and the equation that it obeys there."""
 
+import functools
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int8
 
-from jaxsfs.forms import Scalar
+from jaxsfs._once import once
 from jaxsfs.shading import AbstractShading, Balance
+from jaxsfs.sweeping import balance_for
 from jaxsfs.updates import HUGE, PAD
 
 Image = Float[Array, "height width"]
@@ -41,47 +45,54 @@ class Upwind(eqx.Module):
     diagonal_far: Image
 
 
+class _Neighbours(NamedTuple):
+    """Values one and two pixels upstream of each pixel: straight, to the left and to the right."""
+
+    straight: tuple[Image, Image]
+    left: tuple[Image, Image]
+    right: tuple[Image, Image]
+
+
 def find_stencil(
-    v: Image, owner: Int8[Array, "height width"], shading: AbstractShading, metric, p: Scalar, free: Mask, second: bool
-) -> Stencil:
-    """The stencil whose update in the sweep `owner` gives each value of `v`; none where not `free`."""
-    balance = shading.balance(v, p)
-    padded = jnp.pad(v, PAD, constant_values=HUGE)
-
-    def compare(direction, best):
-        gap, kind = best
-        mine = owner == direction.astype(jnp.int8)
-        for k, offer in enumerate(_offers(padded, v.shape, metric, balance, direction, second)):
-            closer = mine & (jnp.abs(offer - v) < gap)
-            gap, kind = jnp.where(closer, jnp.abs(offer - v), gap), jnp.where(closer, jnp.int8(k), kind)
-        return gap, kind
-
-    start = jnp.full(v.shape, jnp.inf, v.dtype), jnp.zeros(v.shape, jnp.int8)
-    gap, kind = jax.lax.fori_loop(0, len(STEPS), compare, start)
-    found = free & (gap < 0.1 * HUGE)
-    side, straight, diagonal = (jnp.asarray(column)[kind] for column in zip(*_KINDS, strict=True))
+    v: Image, owner: Int8[Array, "height width"], shading: AbstractShading, metric, free: Mask, order: int, never
+) -> tuple[Stencil, Upwind]:
+    """The stencil whose update in the sweep `owner` gives each value of `v`, and what it reads; none where not `free`.
+    `never`: see `once`."""
+    neighbours = once(_neighbours(v, owner, HUGE), never)
+    offers = once(_offers(v, neighbours, metric, balance_for(shading, v, order), owner, order == 2), never)
+    gaps = [jnp.abs(offer - v) for offer in offers]
+    gap = functools.reduce(jnp.minimum, gaps)
+    kind = jnp.zeros(v.shape, jnp.int8)
+    for k in reversed(range(len(gaps))):
+        kind = jnp.where(gaps[k] == gap, jnp.int8(k), kind)
+    gap, kind = once((gap, kind), never)
+    found = free & (gap < 0.1 * HUGE) & (owner != NO_DIRECTION)
+    side, straight, diagonal = (_listed(column, kind) for column in zip(*_KINDS, strict=True))
     direction = jnp.where(found, owner, jnp.int8(NO_DIRECTION))
-    return Stencil(direction, side.astype(jnp.int8), found & straight, found & diagonal)
+    stencil = Stencil(direction, side.astype(jnp.int8), found & straight, found & diagonal)
+    return stencil, _chosen(neighbours, stencil, HUGE)
+
+
+def _listed(column: tuple, kind: Int8[Array, "height width"]) -> Array:
+    """column[kind], without a gather."""
+    listed = jnp.full(kind.shape, column[0])
+    for k, value in enumerate(column):
+        listed = listed if value == column[0] else jnp.where(kind == k, value, listed)
+    return listed
 
 
 # side, whether the straight edge is used, whether the diagonal one is
 _KINDS = ((-1, True, False), (-1, False, True), (-1, True, True), (1, False, True), (1, True, True))
 
 
-def _offers(padded, shape, metric, balance, direction, second: bool) -> list[Image]:
-    """What the sweep in `direction` offers to every pixel, for each of `_KINDS`."""
+def _offers(v, neighbours: _Neighbours, metric, balance, direction, second: bool) -> list[Image]:
+    """What the sweep in each pixel's `direction` offers it, for each of `_KINDS`."""
     g11, g12, g22 = _frame(metric, direction)
     determinant = g11 * g22 - g12 * g12
-
-    def neighbour(back, shift):
-        along = jnp.where(direction % 2 == 1, -back, back)
-        offset = jnp.where(direction < 2, jnp.stack([along, shift]), jnp.stack([shift, along]))
-        return jax.lax.dynamic_slice(padded, offset + PAD, shape)
-
-    straight = _one_sided(neighbour, 0, second)
+    straight = _one_sided(v, *neighbours.straight, second)
     offers = [_from_edge(straight, determinant / g11, balance)]
-    for side in (-1, 1):
-        diagonal = _one_sided(neighbour, side, second)
+    for side, values in ((-1, neighbours.left), (1, neighbours.right)):
+        diagonal = _one_sided(v, *values, second)
         h11, h12 = _oblique(g11, g12, g22, side)
         offers.append(_from_edge(diagonal, determinant / h11, balance))
         offers.append(_from_triangle(straight, diagonal, h11, h12, g11, balance))
@@ -90,37 +101,74 @@ def _offers(padded, shape, metric, balance, direction, second: bool) -> list[Ima
 
 def upwind_values(v: Image, stencil: Stencil, fill: float) -> Upwind:
     """The values that each pixel's stencil reads; `fill` beyond the image and where there is no stencil."""
+    return _chosen(_neighbours(v, stencil.direction, fill), stencil, fill)
+
+
+def _chosen(neighbours: _Neighbours, stencil: Stencil, fill: float) -> Upwind:
+    """Of both diagonals the one on the stencil's side."""
+    left, active = stencil.side < 0, stencil.active
+    diagonal = [jnp.where(left, *pair) for pair in zip(neighbours.left, neighbours.right, strict=True)]
+    return Upwind(*(jnp.where(active, x, fill) for x in (*neighbours.straight, *diagonal)))
+
+
+def _neighbours(v: Image, direction: Int8[Array, "height width"], fill: float) -> _Neighbours:
+    """As each pixel's sweep sees them; `fill` beyond the image."""
     padded = jnp.pad(v, PAD, constant_values=fill)
-    straight = [jnp.full_like(v, fill)] * 2
-    diagonal = [jnp.full_like(v, fill)] * 2
-    for direction in range(len(STEPS)):
-        mine = stencil.direction == direction
-        for reach in (1, 2):
-            value = _at(padded, _offset(direction, reach, 0), v.shape)
-            straight[reach - 1] = jnp.where(mine, value, straight[reach - 1])
-            for side in (-1, 1):
-                value = _at(padded, _offset(direction, reach, reach * side), v.shape)
-                diagonal[reach - 1] = jnp.where(mine & (stencil.side == side), value, diagonal[reach - 1])
-    return Upwind(straight[0], straight[1], diagonal[0], diagonal[1])
+
+    def selected(back: int, shift: int) -> Image:
+        below, above, right, left = (_at(padded, _offset(n, back, shift), v.shape) for n in range(len(STEPS)))
+        return jnp.where(direction < 2, jnp.where(direction == 1, above, below), jnp.where(direction == 3, left, right))
+
+    return _Neighbours(*((selected(1, side), selected(2, 2 * side)) for side in (0, -1, 1)))
 
 
-def misfit(
-    v: Image, upwind: Upwind, stencil: Stencil, shading: AbstractShading, metric, p: Scalar, second: bool
-) -> Image:
+class Differences(NamedTuple):
+    """D₁, D₂ along the straight and the diagonal edge, each with its derivatives by v, the near and the far value."""
+
+    straight: tuple[Image, Image, Image, Image]
+    diagonal: tuple[Image, Image, Image, Image]
+
+
+def differences(v: Image, upwind: Upwind, stencil: Stencil, order: int) -> Differences:
+    """The one-sided differences a (v − m) of each pixel's stencil; 0 along an edge that is not used."""
+
+    def along(near, far, used):
+        def difference(v, near, far):
+            return _difference(v, near, far, used, order == 2)
+
+        one, none = jnp.ones_like(v), jnp.zeros_like(v)
+        by = [jax.jvp(difference, (v, near, far), tuple(one if k == n else none for k in range(3))) for n in range(3)]
+        return by[0][0], *(tangent for _, tangent in by)
+
+    return Differences(
+        along(upwind.straight_near, upwind.straight_far, stencil.straight),
+        along(upwind.diagonal_near, upwind.diagonal_far, stencil.diagonal),
+    )
+
+
+def misfit(v: Image, d: Differences, stencil: Stencil, shading: AbstractShading, metric, order: int) -> Image:
     """F = Σ h^{kl} D_k D_l + square·v² + linear·v − constant over each pixel's stencil, 0 at the solution."""
-    h11, h12, h22 = _weights(metric, stencil)
-    d1 = _difference(v, upwind.straight_near, upwind.straight_far, stencil.straight, second)
-    d2 = _difference(v, upwind.diagonal_near, upwind.diagonal_far, stencil.diagonal, second)
-    balance = shading.balance(v, p)
-    steepness = h11 * d1 * d1 + 2 * h12 * d1 * d2 + h22 * d2 * d2
-    return steepness - balance.left(v)
+    (h11, h12, h22), d1, d2 = _weights(metric, stencil), d.straight[0], d.diagonal[0]
+    steepness = h11 * (d1 * d1) + h12 * (2 * d1 * d2) + h22 * (d2 * d2)
+    return steepness - balance_for(shading, v, order).left(v)
+
+
+def misfit_slopes(
+    v: Image, d: Differences, stencil: Stencil, shading: AbstractShading, metric, order: int
+) -> tuple[Image, Upwind]:
+    """∂F/∂v and ∂F by the values that the stencil reads."""
+    (h11, h12, h22), d1, d2 = _weights(metric, stencil), d.straight[0], d.diagonal[0]
+    first, second = 2 * (h11 * d1 + h12 * d2), 2 * (h12 * d1 + h22 * d2)
+    _, left = jax.jvp(lambda v: balance_for(shading, v, order).left(v), (v,), (jnp.ones_like(v),))
+    by_straight, by_diagonal = ([push * x for x in d[1:]] for push, d in ((first, d.straight), (second, d.diagonal)))
+    return by_straight[0] + by_diagonal[0] - left, Upwind(*by_straight[1:], *by_diagonal[1:])
 
 
 def _difference(v: Image, near: Image, far: Image, used: Mask, second: bool) -> Image:
     """a (v − m) along one edge; what is not used has values that no derivative stumbles over."""
     near = jnp.where(used, near, v - 1)
     far = jnp.where(used & (far < 0.5 * HUGE), far, near)
-    a, m, _ = _one_sided(lambda back, shift: (v, near, far)[back], 0, second)
+    a, m, _ = _one_sided(v, near, far, second)
     return jnp.where(used, a * (v - m), 0)
 
 
@@ -166,9 +214,8 @@ def _at(padded: Float[Array, "high wide"], offset: tuple[int, int], shape: tuple
     )
 
 
-def _one_sided(neighbour, shift, second):
-    """(a, m, v(y)) of the difference a (v − m) towards the neighbour y."""
-    here, near, far = neighbour(0, 0), neighbour(1, shift), neighbour(2, 2 * shift)
+def _one_sided(here, near, far, second):
+    """(a, m, v(y)) of the difference a (v − m) towards the neighbour y, `near`, and the one beyond."""
     fall, before = here - near, near - far
     ratio = before / jnp.where(fall > 0, fall, 1)
     share = jnp.clip(jnp.minimum(4 * ratio - 1, (4 - ratio) / 2), 0, 1)
