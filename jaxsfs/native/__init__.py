@@ -26,7 +26,7 @@ def preferred() -> Literal["rows", "numba"]:
     return "numba" if is_available() and jax.default_backend() == "cpu" else "rows"
 
 
-BLOCK = 64  # pixels; with less, what a run of blocks costs by itself is more than what is left out
+BLOCK = 128  # pixels; with less, what a run of blocks costs by itself is more than what is left out
 
 Target = Literal["sweeps", "rounds", "owners", "pulls", "pushes"]
 _MODULES: dict[Target, str] = {
@@ -47,8 +47,8 @@ def target_for(what: Target, dtype) -> str:
     """
     from jaxsfs.native._kernel import registered
 
-    module = importlib.import_module(f"jaxsfs.native.{_MODULES[what]}")
-    return registered(getattr(module, f"{what}_in_{'single' if dtype == np.float32 else 'double'}"))
+    make = getattr(importlib.import_module(f"jaxsfs.native.{_MODULES[what]}"), what)
+    return registered(f"jaxsfs.{what}.{np.dtype(dtype)}", make, np.dtype(dtype).type)
 
 
 def function(what: Target, dtype, *like: Array | jax.ShapeDtypeStruct) -> Callable[..., Any]:

@@ -154,24 +154,22 @@ def _owners_called(address, real):
 
 
 @no_type_check
-def rounds_in_single(address):
-    """Four sweeps over a float32 image, for `registered`."""
-    return _round_called(address, np.float32)
+def rounds(real, version):
+    """Four sweeps over an image of `real` numbers. See `target_for`."""
+
+    @no_type_check
+    def called(address):
+        return _round_called(address, real) if version else 1
+
+    return called
 
 
 @no_type_check
-def rounds_in_double(address):
-    """Four sweeps over a float64 image, for `registered`."""
-    return _round_called(address, np.float64)
+def owners(real, version):
+    """Who offers each pixel of an image of `real` numbers the least. See `target_for`."""
 
+    @no_type_check
+    def called(address):
+        return _owners_called(address, real) if version else 1
 
-@no_type_check
-def owners_in_single(address):
-    """Who offers each pixel of a float32 image the least, for `registered`."""
-    return _owners_called(address, np.float32)
-
-
-@no_type_check
-def owners_in_double(address):
-    """Who offers each pixel of a float64 image the least, for `registered`."""
-    return _owners_called(address, np.float64)
+    return called

@@ -133,24 +133,22 @@ def _pushes_called(address, real):
 
 
 @no_type_check
-def pulls_in_single(address):
-    """Both sweeps over the rows or columns of float32 images, for `registered`."""
-    return _pulls_called(address, np.float32)
+def pulls(real, version):
+    """Both sweeps over the rows or columns of images of `real` numbers. See `target_for`."""
+
+    @no_type_check
+    def called(address):
+        return _pulls_called(address, real) if version else 1
+
+    return called
 
 
 @no_type_check
-def pulls_in_double(address):
-    """Both sweeps over the rows or columns of float64 images, for `registered`."""
-    return _pulls_called(address, np.float64)
+def pushes(real, version):
+    """The same for the transpose. See `target_for`."""
 
+    @no_type_check
+    def called(address):
+        return _pushes_called(address, real) if version else 1
 
-@no_type_check
-def pushes_in_single(address):
-    """Both transposed sweeps over the rows or columns of float32 images, for `registered`."""
-    return _pushes_called(address, np.float32)
-
-
-@no_type_check
-def pushes_in_double(address):
-    """Both transposed sweeps over the rows or columns of float64 images, for `registered`."""
-    return _pushes_called(address, np.float64)
+    return called

@@ -7,9 +7,11 @@ eight bytes wide or padded to it, so that the frame is read as an array of 64-bi
 
 import ctypes
 import threading
+import zlib
 from collections.abc import Callable
 from functools import cache
-from typing import Any, no_type_check
+from pathlib import Path
+from typing import no_type_check
 
 import jax
 import numba
@@ -21,19 +23,8 @@ from numba.extending import intrinsic
 FLAGS = {"nsz", "contract"}
 
 
-def _kept(decorator: Callable[..., Any], *arguments, **more) -> Callable[..., Any]:
-    """The decorator with what it compiles kept for later processes, where there is a folder for that."""
-
-    def decorate(function):
-        try:
-            return decorator(*arguments, cache=True, **more)(function)
-        except RuntimeError:  # neither the package's folder nor the user's can be written to
-            return decorator(*arguments, **more)(function)
-
-    return decorate
-
-
-compiled = _kept(numba.njit, fastmath=FLAGS, error_model="numpy", nogil=True)
+# Only what XLA calls is kept on disk and can be called from outside; all that it calls is compiled into it.
+compiled = numba.njit(fastmath=FLAGS, error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 _FRAME_WORDS, _EXTENSION, ARGUMENTS, RESULTS = 22, 1, 9, 14
 _BUFFER_WORDS, _DATA, _RANK, _EXTENTS = 6, 3, 4, 5
@@ -171,19 +162,36 @@ def put_back(swept, target, columns):
 _REGISTERING = threading.Lock()
 
 
-def registered(function: Callable[..., int]) -> str:
-    """The name under which XLA knows `function`(call frame), which Numba compiles here, once a process whatever the
-    number of threads that ask: XLA takes a name once."""
+def registered(name: str, make: Callable[..., Callable[..., int]], real: type) -> str:
+    """`name`, under which XLA knows the function of a call frame that `make`(real, version) gives and Numba compiles
+    here, once a process whatever the number of threads that ask: XLA takes a name once.
+
+    Numba keeps what it compiled by the function alone, not by what that calls: hence the version, a cell of it.
+    """
     with _REGISTERING:
-        return _registered(function)
+        return _registered(name, make, real)
 
 
 @cache
-def _registered(function: Callable[..., int]) -> str:
-    native = _kept(numba.cfunc, types.int64(types.CPointer(types.int64)))(function)
-    name = f"{function.__module__}.{function.__qualname__}"
+def _registered(name: str, make: Callable[..., Callable[..., int]], real: type) -> str:
+    native = _kept(types.int64(types.CPointer(types.int64)), make(real, _version_of_sources()))
     jax.ffi.register_ffi_target(name, _capsule(native.address), platform="cpu")
     return name
+
+
+@cache
+def _version_of_sources() -> int:
+    """A number, not 0, that changes with any file of this package."""
+    sources = (path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+    return 1 + zlib.crc32(b"".join(sources))
+
+
+def _kept(signature, function: Callable[..., int]):
+    """The function compiled, and kept for later processes where there is a folder for that."""
+    try:
+        return numba.cfunc(signature, cache=True)(function)
+    except RuntimeError:  # neither the package's folder nor the user's can be written to
+        return numba.cfunc(signature)(function)
 
 
 def _capsule(address: int):

@@ -154,12 +154,11 @@ def _called(address, real):
 
 
 @no_type_check
-def sweeps_in_single(address):
-    """Both sweeps over the rows or columns of float32 images, for `registered`."""
-    return _called(address, np.float32)
+def sweeps(real, version):
+    """Both sweeps over the rows or columns of images of `real` numbers. See `target_for`."""
 
+    @no_type_check
+    def called(address):
+        return _called(address, real) if version else 1
 
-@no_type_check
-def sweeps_in_double(address):
-    """Both sweeps over the rows or columns of float64 images, for `registered`."""
-    return _called(address, np.float64)
+    return called
