@@ -22,6 +22,7 @@ LAYERS = (
     ("files", "convert", "target", "report", "estimation", "measuring", "frames"),
     ("video", "watch"),
     ("cli",),
+    ("__main__",),
 )
 HEIGHT = {name: height for height, names in enumerate(LAYERS) for name in names}
 
