@@ -6,6 +6,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+KEPT = Path(__file__).parents[1] / ".pytest_cache"
+# what the commands compile goes there, not to the user's folder
+os.environ["XDG_CACHE_HOME"] = str(KEPT / "home")
 # most of the suite's time is compilation of programs that run once: these two halve it (later versions stop at the
 # first one, which they do not know)
 _older = tuple(map(int, version("jaxlib").split(".")[:2])) < (0, 11)
@@ -20,7 +23,7 @@ import jax
 import pytest
 
 # compiled programs are shared between the workers, and kept for the next run
-jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "jax"))
+jax.config.update("jax_compilation_cache_dir", str(KEPT / "jax"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -41,4 +44,22 @@ def data() -> Path:
     folder = Path(os.environ.get("JAXSFS_DATA", Path(__file__).parents[1] / "../shared/data")).resolve()
     if not folder.is_dir():
         pytest.skip(f"no real images at {folder}; set JAXSFS_DATA to their folder")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def view(tmp_path_factory) -> Path:
+    """The folder of a small rendered view, not to be written to."""
+    from cli_folders import rendered
+
+    return rendered(tmp_path_factory.mktemp("rendered") / "view")
+
+
+@pytest.fixture(scope="session")
+def result(view) -> Path:
+    """What `jaxsfs reconstruct` wrote for it, not to be written to."""
+    from cli_folders import main, reconstruct
+
+    folder = view.parent / "result"
+    assert main(reconstruct(view, folder)) == 0
     return folder

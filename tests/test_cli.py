@@ -4,13 +4,12 @@ import json
 import re
 import shlex
 import shutil
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
-from cli_folders import reconstruct, record, rendered
+from cli_folders import reconstruct, record
 
 from jaxsfs import files
 from jaxsfs.cli import main
@@ -22,26 +21,6 @@ WRITTEN = {
     *("range.tiff", "depth.tiff", "normals.tiff", "mask.png", "mesh.ply", "mesh.glb", "depth.png", "shaded.png"),
     *("result.json", "report.html"),
 }
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    """Compiled programs go to a folder that the tests' processes share, not to the user's."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
-        yield
-
-
-@pytest.fixture(scope="module")
-def view(tmp_path_factory) -> Path:
-    return rendered(tmp_path_factory.mktemp("rendered") / "view")
-
-
-@pytest.fixture(scope="module")
-def result(view) -> Path:
-    folder = view.parent / "result"
-    assert main(reconstruct(view, folder)) == 0
-    return folder
 
 
 def test_what_render_writes(view):

@@ -14,12 +14,6 @@ WIDTH, HEIGHT = 40, 32
 CAMERA = {"model": "perspective", "fx": 30, "fy": 30, "cx": 19.5, "cy": 15.5, "width": WIDTH, "height": HEIGHT}
 
 
-@pytest.fixture(autouse=True)
-def cache(tmp_path_factory, monkeypatch):
-    """Compiled programs go to a folder that the tests' processes share, not to the user's."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
-
-
 @pytest.fixture
 def work(tmp_path, monkeypatch):
     """A folder to work in, with image.png (a plane seen square-on), camera.json and nothing else."""

@@ -12,14 +12,6 @@ from jaxsfs.cli import main
 from jaxsfs.cli._main import COMMANDS
 
 
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    """Compiled programs go to a folder that the tests' processes share, not to the user's."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
-        yield
-
-
 class TestHelp:
     @pytest.mark.parametrize("words", [["--help"], ["-h"], ["help"]])
     def test_lists_the_commands(self, words, capsys):

@@ -7,10 +7,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
-from cli_folders import reconstruct, rendered
+from cli_folders import reconstruct
 
 from jaxsfs.cli import main
 from jaxsfs.cli._interruption import interruptible
@@ -19,26 +18,6 @@ pytestmark = [
     pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="this platform has no SIGALRM"),
     pytest.mark.usefixtures("heeds_interrupts"),
 ]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    """Compiled programs go to a folder that the tests' processes share, not to the user's."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
-        yield
-
-
-@pytest.fixture(scope="module")
-def view(tmp_path_factory) -> Path:
-    return rendered(tmp_path_factory.mktemp("rendered") / "view")
-
-
-@pytest.fixture(scope="module")
-def result(view) -> Path:
-    folder = view.parent / "result"
-    assert main(reconstruct(view, folder)) == 0
-    return folder
 
 
 def run(what: Callable[[], None]) -> None:

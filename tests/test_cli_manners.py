@@ -14,12 +14,6 @@ from jaxsfs.cli._terminal import quiet
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path_factory, monkeypatch):
-    """Compiled programs go to a folder that the tests' processes share, not to the user's."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
-
-
-@pytest.fixture(autouse=True)
 def not_quiet():
     token = quiet.set(False)
     yield

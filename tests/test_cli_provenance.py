@@ -6,23 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from cli_folders import record, rendered
+from cli_folders import record
 
 from jaxsfs import files
 from jaxsfs.cli import main
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    """Compiled programs go to a folder that the tests' processes share, not to the user's."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
-        yield
-
-
-@pytest.fixture(scope="module")
-def view(tmp_path_factory) -> Path:
-    return rendered(tmp_path_factory.mktemp("rendered") / "view")
 
 
 def with_photometry(view: Path, path: Path, **photometry) -> Path:

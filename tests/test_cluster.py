@@ -23,7 +23,6 @@ pytest.importorskip("zarr", reason="the extra cluster is not installed")
 def folder(tmp_path_factory) -> Path:
     """Forty equal pictures."""
     path = tmp_path_factory.mktemp("frames")
-    os.environ.setdefault("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
     scene = render_scene(WavyWall(1.4, 0.03, 6.0), width=96, height=96)
     files.write_camera(path / "camera.json", scene.camera_file)
     files.write_png(path / "0.png", scene.photo.stored)

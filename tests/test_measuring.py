@@ -121,11 +121,6 @@ class TestArea:
 
 
 class TestCommand:
-    @pytest.fixture(autouse=True)
-    def cache(self, tmp_path_factory, monkeypatch):
-        """Compiled programs go to a folder that the tests' processes share, not to the user's."""
-        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
-
     @pytest.fixture
     def folder(self, tmp_path):
         """A result as reconstruct writes it, of the wall at 20 mm."""

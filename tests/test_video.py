@@ -28,11 +28,6 @@ pytest.importorskip("zarr", reason="the extra cluster is not installed")
 SIZE = 96
 
 
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    os.environ.setdefault("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
-
-
 @pytest.fixture(scope="module")
 def scene():
     return render_scene(WavyWall(1.4, 0.03, 6.0), width=SIZE, height=SIZE, bits=16)

@@ -1,7 +1,6 @@
 """`jaxsfs watch`: overlays of a folder and of a video, a page for this machine alone, frames dropped, a clean end."""
 
 import http.client
-import os
 import re
 import signal
 import subprocess
@@ -28,7 +27,6 @@ def scene():
 @pytest.fixture(scope="module")
 def folder(scene, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("frames")
-    os.environ.setdefault("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp().parent / "cache"))
     files.write_camera(path / "camera.json", scene.camera_file)
     for index in range(3):
         files.write_png(path / f"{index}.png", scene.photo.stored)
