@@ -2,7 +2,6 @@
 
 import cv2
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 from scipy import ndimage
@@ -59,7 +58,7 @@ def photograph_from(
     # the picture's own border is no rim of the field: cv2 takes what lies beyond for lit
     inner = cv2.erode(field.astype(np.uint8), _diamond(4))
     usable = (inner > 0) & (cv2.dilate(saturated, _diamond(5)) == 0)
-    linear = np.interp(grey, _STEPS, np.asarray(jax.jit(response.decode)(_STEPS)))
+    linear = np.interp(grey, _STEPS, response.decode(_STEPS))
     return Photograph(grey, linear, field, usable)
 
 

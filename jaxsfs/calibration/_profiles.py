@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxsfs.calibration._arrays import AnyArray, constant, module_of, repeated
+from jaxsfs._arrays import AnyArray, module_of
+from jaxsfs.calibration._arrays import constant, repeated
 
 SHAPES = 4
 SINE, HALF_SINE, SERIES, HALF_TANGENT, TANGENT, AXIAL = range(6)
