@@ -10,7 +10,7 @@ from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_circles, tilted
 from jaxsfs.calibration._compare import verdict
 from jaxsfs.calibration._eq20 import estimators
-from jaxsfs.calibration._guards import _height_warnings, check_possible
+from jaxsfs.calibration._guards import _height_warnings, check_possible, warnings_of
 from jaxsfs.calibration.circles import _not_found
 from jaxsfs.camera import Equisolid, Spherical
 
@@ -174,6 +174,15 @@ def test_cameras_that_cannot_be_are_refused(one_view, column, value, match):
     parameters[column] = value
     with pytest.raises(ValueError, match=match):
         check_possible(dataclasses.replace(one_view.fit, parameters=parameters), field)
+
+
+def test_a_low_share_of_matched_edges_is_said(one_view):
+    def texts(share):
+        view = dataclasses.replace(one_view.views[0], matched=round(share * one_view.views[0].expected))
+        return " ".join(warnings_of(one_view.fit, one_view.covariance, [view], one_view.comparison))
+
+    assert "Only 73% of the ring edges that photograph 1 should show" in texts(0.73)
+    assert "ring edges" not in texts(0.85)
 
 
 @pytest.mark.slow
