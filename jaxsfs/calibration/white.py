@@ -29,7 +29,9 @@ _UNLIKE = (
 )
 _NOTES = {
     "given": "The response was given; the fall-off follows from it.",
-    "separated": "The photographs differ enough to tell the response from the fall-off.",
+    "separated": (
+        "Response and fall-off were told apart: the sheet's tilt or the photographs' distances or exposures show both."
+    ),
     "held": (
         "These photographs fix only how stored values fall with the angle, (3 + μ)/γ, not response and fall-off "
         "each: the response is held ({response}) and the fall-off is right for it alone. Add a photograph tilted by "

@@ -64,6 +64,6 @@ def _falloff(found: WhiteCalibration) -> str:
             Curve(angle, law, found.falloff, COLOURS[1]),
             Curve(np.array(found.alpha_deg), measured, "measured, bins of 5°", COLOURS[0], "marks"),
         ],
-        Scale(0.0, reach, "angle from the axis / degrees"),
+        Scale(0.0, 1.02 * reach, "angle from the axis / degrees"),
         Scale(0.0, 1.05 * max(float(law.max()), float(measured.max(initial=1.0))), "light relative to the axis"),
     )
