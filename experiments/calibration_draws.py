@@ -7,6 +7,7 @@ Every draw: 640 × 480 px, f 250–420 px, principal point within 12 px of the m
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -61,8 +62,13 @@ def sheet(rng: np.random.Generator) -> tuple[tuple[float, ...], Rings]:
 def height_for(rng: np.random.Generator, camera, outer: float) -> float:
     """The height in mm at which the outermost ring reaches 0.75–1.2 of half the picture's height."""
     radius = min(rng.uniform(0.75, 1.2) * SIZE[1] / 2, 0.92 * camera.f)
-    ray = camera.ray(jnp.array([camera.cx + radius, camera.cy]))
+    ray = _ray(camera, jnp.array([camera.cx + radius, camera.cy]))
     return outer * float(ray[2] / ray[0])
+
+
+@jax.jit  # else the search for the ray is compiled anew in every draw
+def _ray(camera, pixel):
+    return camera.ray(pixel)
 
 
 def pose(rng: np.random.Generator, height: float, most_tilt: float, most_offset: float = 0.05):

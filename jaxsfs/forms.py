@@ -4,8 +4,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+from jaxsfs._arrays import AnyArray, module_of
 
 # A parameter of a camera or a curve: a plain number, or an array when it is differentiated or traced.
 Scalar = float | int | Float[Array, ""]
@@ -36,7 +37,7 @@ def require(value: Scalar, condition: Callable[[Any], bool], message: str) -> No
         raise ValueError(f"{message}, got {value}")
 
 
-def power(base: Float[Array, "*shape"], exponent: Scalar) -> Float[Array, "*shape"]:
-    """base^exponent, 0 for base ≤ 0, with derivative 0, not NaN, there."""
-    positive = base > 0
-    return jnp.where(positive, jnp.where(positive, base, 1) ** exponent, 0)
+def power(base: Float[AnyArray, "*shape"], exponent: Scalar) -> Float[AnyArray, "*shape"]:
+    """base^exponent, 0 for base ≤ 0, with derivative 0, not NaN, there; in numpy for numpy arrays."""
+    xp, positive = module_of(base, exponent), base > 0
+    return xp.where(positive, xp.where(positive, base, 1) ** exponent, 0)

@@ -1,18 +1,19 @@
 """From stored values to image irradiance and back: stored = response(gain · V(α) · ρ G(cos θ)/r²).
 
 The response is inverted first, then the fall-off V is divided out. V gathers everything that depends on the angle
-α from the optical axis alone: the light's beam (the light sits at the lens) and the lens's vignetting.
+α from the optical axis alone: the light's beam (the light sits at the lens) and the lens's vignetting. All curves are
+computed in numpy for numpy arrays.
 """
 
 import abc
 
 import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from jaxsfs._arrays import AnyArray, module_of
 from jaxsfs.forms import Scalar, parse_form, power, require
 
-FloatImage = Float[Array, "*shape"]
+FloatImage = Float[AnyArray, "*shape"]
 
 
 class AbstractResponse(eqx.Module):
@@ -56,10 +57,12 @@ class SRGBResponse(AbstractResponse):
     """The sRGB curve of IEC 61966-2-1: linear near black, then a power 2.4."""
 
     def encode(self, linear: FloatImage) -> FloatImage:
-        return jnp.where(linear <= 0.0031308, 12.92 * linear, 1.055 * power(linear, 1 / 2.4) - 0.055)
+        xp = module_of(linear)
+        return xp.where(linear <= 0.0031308, 12.92 * linear, 1.055 * power(linear, 1 / 2.4) - 0.055)
 
     def decode(self, stored: FloatImage) -> FloatImage:
-        return jnp.where(stored <= 0.04045, stored / 12.92, power((stored + 0.055) / 1.055, 2.4))
+        xp = module_of(stored)
+        return xp.where(stored <= 0.04045, stored / 12.92, power((stored + 0.055) / 1.055, 2.4))
 
 
 class AbstractFalloff(eqx.Module):
@@ -74,7 +77,7 @@ class NoFalloff(AbstractFalloff):
     """V = 1."""
 
     def __call__(self, cos_alpha: FloatImage) -> FloatImage:
-        return jnp.ones_like(cos_alpha)
+        return module_of(cos_alpha).ones_like(cos_alpha)
 
 
 class CosineFalloff(AbstractFalloff):
@@ -92,7 +95,7 @@ class ExponentialFalloff(AbstractFalloff):
     mu: Scalar
 
     def __call__(self, cos_alpha: FloatImage) -> FloatImage:
-        return jnp.exp(-self.mu * (1 - cos_alpha))
+        return module_of(cos_alpha, self.mu).exp(-self.mu * (1 - cos_alpha))
 
 
 class CosineExponentialFalloff(AbstractFalloff):
@@ -106,7 +109,8 @@ class CosineExponentialFalloff(AbstractFalloff):
     b: Scalar
 
     def __call__(self, cos_alpha: FloatImage) -> FloatImage:
-        return power(cos_alpha, self.a) * jnp.exp(-self.b * (1 - cos_alpha))
+        beam = module_of(cos_alpha, self.b).exp(-self.b * (1 - cos_alpha))
+        return power(cos_alpha, self.a) * beam
 
 
 def parse_response(text: str) -> AbstractResponse:

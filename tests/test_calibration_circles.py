@@ -10,7 +10,7 @@ from data_synth.targets import Studio, photograph
 from jaxsfs.calibration import calibrate_circles, tilted
 from jaxsfs.calibration._compare import verdict
 from jaxsfs.calibration._eq20 import estimators
-from jaxsfs.calibration._guards import _height_warnings, check_possible
+from jaxsfs.calibration._guards import _height_warnings, check_possible, warnings_of
 from jaxsfs.calibration.circles import _not_found
 from jaxsfs.camera import Equisolid, Spherical
 
@@ -176,11 +176,20 @@ def test_cameras_that_cannot_be_are_refused(one_view, column, value, match):
         check_possible(dataclasses.replace(one_view.fit, parameters=parameters), field)
 
 
+def test_a_low_share_of_matched_edges_is_said(one_view):
+    def texts(share):
+        view = dataclasses.replace(one_view.views[0], matched=round(share * one_view.views[0].expected))
+        return " ".join(warnings_of(one_view.fit, one_view.covariance, [view], one_view.comparison))
+
+    assert "Only 73% of the ring edges that photograph 1 should show" in texts(0.73)
+    assert "ring edges" not in texts(0.86)
+
+
 @pytest.mark.slow
 def test_radii_beyond_the_picture_change_nothing_and_are_named(one_view):
-    more = calibrate_circles([rings(tilted(6.0, 40.0, 22.0, (1.0, 0.5)))], (*RADII, 35.0, 40.0, 45.0, 50.0))
+    more = calibrate_circles([rings(tilted(6.0, 40.0, 22.0, (1.0, 0.5)))], (*RADII, 35.0, 40.0, 45.0, 90.0))
     assert more.camera.f == pytest.approx(one_view.camera.f, abs=2 * one_view.f_sd)
-    assert "50 mm were not found: they lie beyond the picture" in more.notes[0]
+    assert "90 mm were not found: they lie beyond the picture" in more.notes[0]
 
 
 def test_rings_that_were_not_found_are_named_with_the_likely_cause(one_view):

@@ -49,7 +49,9 @@ def check_separated(found):
     assert found.gamma == pytest.approx(2.2, rel=0.02)
     assert np.allclose(curve(found.falloff), COSINES**1.2, rtol=0.02)
     assert found.gain_albedo == pytest.approx(GAIN, rel=0.02)
-    assert found.note == "The photographs differ enough to tell the response from the fall-off."
+    assert found.note == (
+        "Response and fall-off were told apart: the sheet's tilt or the photographs' distances or exposures show both."
+    )
 
 
 def test_a_tilted_photograph_separates_response_and_falloff():

@@ -6,6 +6,7 @@ import re
 import cv2
 import numpy as np
 import pytest
+import tifffile
 
 from data_synth.target_patterns import BlankSheet, LineGrid, Rings
 from data_synth.targets import Studio, photograph
@@ -111,6 +112,7 @@ def test_grid_prints_json_and_keeps_the_straightness_curve(folder, capsys):
         (["circles", "white.png", *LISTED], "100% of full scale everywhere"),
         (["checkerboard", "white.png", "--columns", "7", "--rows", "6", "--pitch", "2"], "everywhere"),
         (["grid", "white.png"], "everywhere"),
+        (["circles", "dead.tiff", *LISTED], "where the picture is lit (rows 100 to 103"),
         (["circles", "blank.png", *LISTED], "no photograph could be used"),
         (["circles", "a.png", *LISTED, "--response", "log"], "--response"),
         (["checkerboard", "a.png", "--columns", "7"], "all needed"),
@@ -123,8 +125,11 @@ def test_bad_input_is_one_line_and_no_camera_file(folder, capsys, words, message
     cv2.imwrite(str(folder / "small.png"), np.full((100, 120), 128, np.uint8))
     cv2.imwrite(str(folder / "black.png"), np.zeros((480, 640), np.uint8))
     cv2.imwrite(str(folder / "white.png"), np.full((480, 640), 255, np.uint8))
+    dead = cv2.imread(f"{folder}/a.png", cv2.IMREAD_UNCHANGED).astype(np.float32) / 255
+    dead[100:104] = np.nan
+    tifffile.imwrite(folder / "dead.tiff", dead)
     kind, *rest = words
-    rest = [f"{folder}/{word}" if word.endswith(".png") else word for word in rest]
+    rest = [f"{folder}/{word}" if word.endswith((".png", ".tiff")) else word for word in rest]
     assert main(["calibrate", kind, *rest, "--out", f"{folder}/bad.json"]) == 2
     error = capsys.readouterr().err
     assert message in error

@@ -9,6 +9,7 @@ import jaxsfs
 
 ROOT = Path(jaxsfs.__file__).parent
 LAYERS = (
+    ("_arrays",),
     ("_lazy", "_once", "forms", "differences", "native"),
     ("camera", "reflectance", "upwind"),
     ("photometry", "irradiance", "surface", "shading", "window"),

@@ -102,7 +102,7 @@ def test_the_page_has_all_its_pictures(found):
     assert titles == [
         *("Camera", "Photographs", "&lt;a&gt;.png: observations and residuals (seen minus fitted)"),
         *("Residuals against the angle", "Coverage and uncertainty", "Coverage"),
-        *("Uncertainty of where a direction is seen", "Which lens is it", "Rectified", "Stored", "Rectified"),
+        *("Where a direction is seen: 1σ", "Which lens is it", "Rectified", "Stored", "Rectified"),
         "How it was made",
     ]
     assert page.count('<svg class="chart"') == 2

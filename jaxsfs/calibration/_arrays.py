@@ -1,23 +1,14 @@
-"""One formula for two places: numpy on the host, JAX inside the compiled fits."""
+"""More of numpy and JAX at once: loops, constants and sums of the compiled fits and of their twins on the host."""
 
 from collections.abc import Callable
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
-if TYPE_CHECKING:  # what goes in comes out: a checker would want an overload of every function
-    AnyArray = Any
-else:
-    AnyArray = Array | np.ndarray
-
-
-def module_of(value: Any) -> ModuleType:
-    """numpy for its arrays, jax.numpy for anything else (such as a traced array)."""
-    return np if isinstance(value, np.ndarray) else jnp
+from jaxsfs._arrays import AnyArray, module_of
 
 
 def repeated(xp: ModuleType, count: int, step: Callable[[Any], Any], state: Any) -> Any:

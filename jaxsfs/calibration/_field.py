@@ -2,10 +2,8 @@
 
 import cv2
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
-from scipy import ndimage
 
 from jaxsfs.photometry import AbstractResponse, LinearResponse, SRGBResponse
 
@@ -59,8 +57,14 @@ def photograph_from(
     # the picture's own border is no rim of the field: cv2 takes what lies beyond for lit
     inner = cv2.erode(field.astype(np.uint8), _diamond(4))
     usable = (inner > 0) & (cv2.dilate(saturated, _diamond(5)) == 0)
-    linear = np.interp(grey, _STEPS, np.asarray(jax.jit(response.decode)(_STEPS)))
-    return Photograph(grey, linear, field, usable)
+    return Photograph(grey, _decoded(image, grey, response), field, usable)
+
+
+def _decoded(image: Shaped[np.ndarray, "..."], grey: Float[np.ndarray, "height width"], response: AbstractResponse):
+    """Linear light of the grey values, from a table."""
+    if image.ndim == 2 and image.dtype == np.uint8:
+        return response.decode(np.arange(256) / 255.0)[image]
+    return np.interp(grey, _STEPS, response.decode(_STEPS))
 
 
 def target_photograph(
@@ -92,4 +96,11 @@ def _lit_field(grey: Float[np.ndarray, "height width"]) -> Bool[np.ndarray, "hei
     count, regions, stats, _ = cv2.connectedComponentsWithStats(lit.astype(np.uint8), connectivity=4)
     if count > 2:
         lit = regions == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    return np.asarray(ndimage.binary_fill_holes(lit))
+    return _filled(lit)
+
+
+def _filled(lit: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """With the dark regions that do not reach the picture's border."""
+    dark = np.pad(np.logical_not(lit).astype(np.uint8), 1, constant_values=1)
+    cv2.floodFill(dark, None, (0, 0), 2)
+    return dark[1:-1, 1:-1] != 2

@@ -12,6 +12,9 @@ from jaxsfs.calibration._result import ViewResult, alpha_max_deg
 from jaxsfs.calibration._uncertainty import used_radius
 
 NARROW_DEG = 30.0
+# Of 67 synthetic photographs of 640 x 480 px with many glares, cut rings, blur and noise, or read with wrong radii:
+# good results (f within 0.5 %) with the right radii had matched 85 % or more; two that were 31 and 41 % off, 79, 73 %.
+FEW_MATCHED = 0.82
 
 
 def check_radii(radii: Sequence[float]) -> Float[np.ndarray, " count"]:
@@ -100,9 +103,20 @@ def warnings_of(
             "All photographs look squarely at the rings: f, the height and a lens term k cannot be told apart there "
             "(a lens with k = 0.035 would fit as well with f 3.6 % higher). Tilt one photograph by 10 to 20°."
         )
+    warnings += _match_warnings(views) if found.setup.kind == "rings" else []
     warnings += _height_warnings(found, covariance, height, height_tolerance)
     warnings += _model_warnings(found, scores)
     return warnings
+
+
+def _match_warnings(views: list[ViewResult]) -> list[str]:
+    return [
+        f"Only {view.matched / view.expected:.0%} of the ring edges that photograph {view.photograph + 1} should show "
+        "were found: glare or the border may hide rings, or they are not those of the radii given, and f may be far "
+        "off. Look at the rings in the report; check the radii, or photograph anew without glare and in focus."
+        for view in views
+        if view.matched < FEW_MATCHED * view.expected
+    ]
 
 
 def _height_warnings(found: Fit, covariance, height: float | None, tolerance: float) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxsfs.calibration._arrays import AnyArray, module_of
+from jaxsfs._arrays import AnyArray, module_of
 from jaxsfs.calibration._profiles import AXIAL, HALF_SINE, HALF_TANGENT, SERIES, SINE, TANGENT, angle, radius
 from jaxsfs.camera import (
     AbstractCentralCamera,

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable
 
 import cv2
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -91,7 +90,7 @@ def paper_view(
     return PaperView(photo, values, geometry, cosine, bare, what)
 
 
-@eqx.filter_jit
+@jax.jit  # numbers of camera and pose are arguments: compiled once for all of a size
 def _angles(camera: AbstractCentralCamera, pose: PlanePose) -> tuple[Float[Array, "h w"], Float[Array, "h w"]]:
     """n·d and cos α of every pixel; −1 where the camera has no ray."""
 

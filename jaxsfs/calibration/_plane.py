@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsfs.calibration._arrays import AnyArray, module_of
+from jaxsfs._arrays import AnyArray, module_of
 from jaxsfs.forms import Scalar
 
 Vectors = Float[AnyArray, "... 3"]
@@ -90,12 +90,12 @@ def _parts(vector: Vectors):
 def tilted(tilt_deg: float, direction_deg: float, height: float, offset=(0.0, 0.0), roll_deg: float = 0.0) -> PlanePose:
     """A pose from angles in degrees: roll about the optical axis, then a tilt about the axis at `direction_deg`
     in the image plane; `offset` and `height` in mm."""
-    roll = jnp.deg2rad(jnp.asarray(roll_deg, float))
-    direction, tilt = jnp.deg2rad(jnp.asarray(direction_deg, float)), jnp.deg2rad(jnp.asarray(tilt_deg, float))
-    lean = tilt * jnp.stack([jnp.cos(direction), jnp.sin(direction), jnp.zeros(())])
-    turn = jnp.array([0.0, 0.0, 1.0]) * roll
-    columns = [rotate(lean, rotate(turn, unit)) for unit in jnp.eye(3)]
-    return PlanePose(rotation_vector(jnp.stack(columns, axis=1)), jnp.asarray(offset, float), height)
+    direction, tilt = np.deg2rad(direction_deg), np.deg2rad(tilt_deg)
+    lean = tilt * np.array([np.cos(direction), np.sin(direction), 0.0])
+    turn = np.array([0.0, 0.0, 1.0]) * np.deg2rad(roll_deg)
+    columns = [rotate(lean, rotate(turn, unit)) for unit in np.eye(3)]
+    rotation = rotation_vector(np.stack(columns, axis=1))
+    return PlanePose(jnp.asarray(rotation, float), jnp.asarray(offset, float), height)
 
 
 def rotation_vector(matrix: Float[AnyArray, "3 3"]) -> Vectors:

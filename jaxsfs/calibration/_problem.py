@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsfs.calibration._arrays import AnyArray
+from jaxsfs._arrays import AnyArray
 from jaxsfs.calibration._lens import LENS_SIZE
 
 EXTRA_SIZE, VIEW_SIZE = 2, 6

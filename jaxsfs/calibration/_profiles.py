@@ -1,21 +1,25 @@
 """The angle α of a ray from the axis as a function of q = image radius/f, with its derivatives, for every lens model.
 
-One formula for all models, weighted by one-hot weights, so that one small program serves them all:
+One small program serves them all and chooses by number:
 
-    q = w₀ s(1 + k s²) + w₁ 2 sin(α/2) + w₂ (α + k₁α³ + k₂α⁵ + …) + w₃ 2 tan(α/2) + w₄ tan α,    s = sin α,
+    q = s(1 + k s²),  2 sin(α/2),  α + k₁α³ + k₂α⁵ + …,  2 tan(α/2)  or  tan α,    s = sin α,
 
 solved for α, or α = atan2(q, 1 + a₂q² + a₃q³ + a₄q⁴). Written for numpy, on the host, and for JAX, inside the compiled
 fits. (The cameras' own `ray` would have to be differentiated twice and compile ten times longer; a test holds the two
 together.)
 """
 
+from functools import partial
 from types import ModuleType
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxsfs.calibration._arrays import AnyArray, constant, module_of, repeated
+from jaxsfs._arrays import AnyArray, module_of
+from jaxsfs.calibration._arrays import constant, repeated
 
 SHAPES = 4
 SINE, HALF_SINE, SERIES, HALF_TANGENT, TANGENT, AXIAL = range(6)
@@ -27,10 +31,10 @@ _BEYOND = 1e-6
 
 
 class _Model(NamedTuple):
-    """Array module, weights w and largest α of a model."""
+    """Array module, number and largest α of a model."""
 
     xp: ModuleType
-    weights: Any
+    build: Any
     end: Any
 
 
@@ -39,7 +43,7 @@ def angle(
 ) -> tuple[Float[AnyArray, " count"], Float[AnyArray, " count"], Float[AnyArray, "4 count"]]:
     """α(q), ∂α/∂q and ∂α/∂shape of the model `build`."""
     xp = module_of(q)
-    model = _Model(xp, xp.where(xp.arange(6) == build, 1.0, 0.0), xp.asarray(_ENDS)[build])
+    model = _Model(xp, build, xp.asarray(_ENDS)[build])
     if xp is np:
         return _axial(xp, shape, q) if build == AXIAL else _by_root(model, shape, q)
     implicit, explicit = _by_root(model, shape, q), _axial(xp, shape, q)
@@ -52,7 +56,7 @@ def radius(
 ) -> tuple[Float[AnyArray, " count"], Float[AnyArray, " count"], Float[AnyArray, "4 count"]]:
     """The other way: q(α), ∂q/∂α and ∂q/∂shape, α in [0, π]."""
     xp = module_of(alpha)
-    model = _Model(xp, xp.where(xp.arange(6) == build, 1.0, 0.0), xp.asarray(_ENDS)[build])
+    model = _Model(xp, build, xp.asarray(_ENDS)[build])
     if xp is np and build == AXIAL:
         return _axial_radius(xp, shape, alpha)
     inside = xp.minimum(alpha, model.end)
@@ -97,13 +101,16 @@ def _root(model: _Model, shape, q):
 
 
 def _profile(model: _Model, shape, alpha):
-    """q(α) and its slope; on the host, where the model is known, of that alone."""
+    """q(α) and its slope."""
     if model.xp is np:
-        return _PROFILES[int(np.argmax(model.weights))](np, shape, alpha)
-    pairs = [profile(model.xp, shape, alpha) for profile in _PROFILES]
-    return tuple(
-        sum(w * part for w, part in zip(model.weights, parts, strict=False)) for parts in zip(*pairs, strict=True)
-    )
+        return _PROFILES[int(model.build)](np, shape, alpha)
+    return _chosen(model.build, shape, alpha)
+
+
+@jax.jit  # asked for in several places: traced once, it is written out once
+def _chosen(build: Int[Array, ""], shape: Float[Array, "4"], alpha: Float[Array, " count"]):
+    """The profile of that number alone, which is not known before it runs."""
+    return jax.lax.switch(build, [partial(profile, jnp) for profile in _PROFILES], shape, alpha)
 
 
 def _sine(xp: ModuleType, shape, alpha):
@@ -144,8 +151,9 @@ _PROFILES = (_sine, _half_sine, _series, _half_tangent, _tangent)  # in the orde
 
 def _profile_by_shape(model: _Model, alpha):
     xp, square, cube = model.xp, alpha**2, alpha**3
-    first = model.weights[SINE] * xp.sin(alpha) ** 3 + model.weights[SERIES] * cube
-    more = model.weights[SERIES] * cube * square
+    series = xp.where(model.build == SERIES, cube, 0.0)
+    first = xp.where(model.build == SINE, xp.sin(alpha) ** 3, series)
+    more = series * square
     return xp.stack([first, more, more * square, more * square**2])
 
 

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxsfs.calibration._arrays import AnyArray, module_of, sum_by_group
+from jaxsfs._arrays import AnyArray, module_of
+from jaxsfs.calibration._arrays import sum_by_group
 from jaxsfs.calibration._lens import LENS_SIZE, Rays, images, rays
 from jaxsfs.calibration._plane import by_rotation, rotate
 from jaxsfs.calibration._problem import VIEW_SIZE, VIEWS_AT, Observations

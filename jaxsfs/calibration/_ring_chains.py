@@ -107,7 +107,7 @@ def _radial_response(photo: Photograph, centre) -> tuple[np.ndarray, np.ndarray]
     smooth = cv2.GaussianBlur(photo.grey, (0, 0), 0.7).astype(np.float32)
     polar = cv2.remap(smooth, u, v, cv2.INTER_LINEAR).astype(float)
     ok = cv2.remap(photo.usable.astype(np.float32), u, v, cv2.INTER_LINEAR) > 0.99
-    ok = ndimage.binary_erosion(ok, np.ones((1, 7)))
+    ok = cv2.erode(ok.astype(np.uint8), np.ones((1, 7)), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
     polar = ndimage.gaussian_filter1d(polar, 1.0, axis=0, mode="wrap")
     bright = ndimage.gaussian_filter(ndimage.maximum_filter(polar, (1, 25)), (2, 8))
     response = ndimage.gaussian_filter1d(polar, 1.2, axis=1, order=1) / (bright + 0.02)

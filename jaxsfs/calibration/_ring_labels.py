@@ -78,36 +78,54 @@ def labellings(rings: list[RingGuess], radii: Float[np.ndarray, " count"], most:
     if len(whole) < 2 or len(radii) < 2:
         return []
     seen = np.array([rings[i].radius for i in whole])
+    level, slope = _closed_forms(seen, np.asarray(radii))
+    labels, score = _matches(seen, np.asarray(radii), level, slope)
     found: dict[tuple[int, ...], Labelling] = {}
-    for (i, j), (k, m) in itertools.product(
-        itertools.combinations(range(len(seen)), 2), itertools.combinations(range(len(radii)), 2)
-    ):
-        slope = (seen[i] ** -2 - seen[j] ** -2) / (radii[k] ** -2 - radii[m] ** -2)
-        level = seen[i] ** -2 - slope * radii[k] ** -2
-        # level ≤ 0 means a lens wider open than the sine (as far as a perspective one): still a straight line
-        if slope <= 0 or level < -0.3 * slope * radii[m] ** -2:
+    for row in np.argsort(-score, kind="stable"):
+        key = tuple(labels[row].tolist())
+        if key in found:
             continue
-        labels, score = _match(seen, radii, level, slope)
         full = -np.ones(len(rings), int)
-        full[whole] = labels
-        f = float(1 / np.sqrt(max(level, (1.3 * seen.max()) ** -2 if level <= 0 else level)))
-        option = Labelling(full, f, f * float(np.sqrt(slope)), score, float(np.mean(labels >= 0)))
-        if tuple(full) not in found or found[tuple(full)].score < score:
-            found[tuple(full)] = option
-    return sorted(found.values(), key=lambda option: -option.score)[:most]
+        full[whole] = labels[row]
+        f = float(1 / np.sqrt(max(level[row], (1.3 * seen.max()) ** -2 if level[row] <= 0 else level[row])))
+        explained = float(np.mean(labels[row] >= 0))
+        found[key] = Labelling(full, f, f * float(np.sqrt(slope[row])), float(score[row]), explained)
+        if len(found) == most:
+            break
+    return list(found.values())
 
 
-def _match(seen, radii, level: float, slope: float) -> tuple[np.ndarray, float]:
-    predicted = 1 / np.sqrt(np.maximum(level + slope * radii**-2.0, 1e-12))
-    misfit = np.abs(np.log(seen[:, None] / predicted[None, :]))
-    labels = np.argmin(misfit, axis=1)
-    best = misfit[np.arange(len(seen)), labels]
+def _closed_forms(
+    seen: Float[np.ndarray, " rings"], radii: Float[np.ndarray, " count"]
+) -> tuple[Float[np.ndarray, " options"], Float[np.ndarray, " options"]]:
+    """Level and slope of the line 1/r² over 1/R² through every pair of rings taken for every pair of printed radii, of
+    those that a lens may have."""
+    (i, j), (k, m) = (np.array(list(itertools.combinations(range(n), 2))).T for n in (len(seen), len(radii)))
+    i, j, k, m = (np.ravel(part) for part in (*np.broadcast_arrays(i[:, None], j[:, None], k[None], m[None]),))
+    slope = (seen[i] ** -2 - seen[j] ** -2) / (radii[k] ** -2 - radii[m] ** -2)
+    level = seen[i] ** -2 - slope * radii[k] ** -2
+    # level ≤ 0 means a lens wider open than the sine (as far as a perspective one): still a straight line
+    possible = (slope > 0) & (level >= -0.3 * slope * radii[m] ** -2)
+    return level[possible], slope[possible]
+
+
+def _matches(
+    seen: Float[np.ndarray, " rings"],
+    radii: Float[np.ndarray, " count"],
+    level: Float[np.ndarray, " options"],
+    slope: Float[np.ndarray, " options"],
+) -> tuple[Int[np.ndarray, "options rings"], Float[np.ndarray, " options"]]:
+    """Labels of the rings under each closed form, each label given once, and their scores."""
+    predicted = 1 / np.sqrt(np.maximum(level[:, None] + slope[:, None] * radii[None] ** -2.0, 1e-12))
+    misfit = np.abs(np.log(seen[None, :, None] / predicted[:, None, :]))
+    labels, best = np.argmin(misfit, axis=2), misfit.min(axis=2)
     labels = np.where(best < 0.04, labels, -1)
-    for k in np.unique(labels[labels >= 0]):
-        rivals = np.nonzero(labels == k)[0]
-        labels[rivals[np.argsort(best[rivals])[1:]]] = -1
+    rank = np.argsort(np.argsort(best, axis=1, kind="stable"), axis=1)  # of a ring among its rivals
+    rivals = labels[:, :, None] == labels[:, None, :]
+    beaten = (rivals & (rank[:, None, :] < rank[:, :, None])).any(axis=2)
+    labels = np.where(beaten, -1, labels)
     matched = labels >= 0
-    expected = int(np.sum(predicted < 1.02 * seen.max()))
-    missed = max(expected - int(matched.sum()), 0)
-    score = matched.sum() - missed - 0.7 * (~matched).sum() - 8.0 * float(np.sum(best[matched])) / max(matched.sum(), 1)
-    return labels, float(score)
+    count = matched.sum(axis=1)
+    missed = np.maximum((predicted < 1.02 * seen.max()).sum(axis=1) - count, 0)
+    misfits = np.where(matched, best, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return labels, count - missed - 0.7 * (len(seen) - count) - 8.0 * misfits

@@ -43,26 +43,24 @@ def solve(
     share of an sd.
     """
     scale = _STRIDE * scale
-
-    @jax.custom_jvp
-    def weighted_residuals(y):
-        return _value_and_jacobian(problem, start, scale, noise, y)[0]
-
-    @weighted_residuals.defjvp
-    def _(primals, tangents):
-        value, jacobian = _value_and_jacobian(problem, start, scale, noise, *primals)
-        return value, jacobian @ tangents[0]
-
     begin = jnp.zeros_like(start)
+    # to a jaxpr once: the solver asks for it in several places, and formulas are slow to trace
+    converted = eqx.filter_closure_convert(partial(_value_and_jacobian, problem, start, scale, noise), begin)
+    linearised = jax.jit(lambda y: converted(y))
+
+    def weighted_residuals(y, _):
+        held = jax.lax.stop_gradient(y)
+        value, jacobian = linearised(held)
+        return value + jacobian @ (y - held)  # the derivative is known: nothing is to be differentiated
+
     found = optx.least_squares(
-        lambda y, _: weighted_residuals(y), _solver(), begin, options={"jac": "fwd"}, max_steps=_STEPS, throw=False
+        weighted_residuals, _solver(), begin, options={"jac": "fwd"}, max_steps=_STEPS, throw=False
     )
     # out of steps is not out of hope: flexible lenses creep along directions that the data hardly feel
     ended = (found.result == optx.RESULTS.successful) | (found.result == optx.RESULTS.nonlinear_max_steps_reached)
     return Solution(start + jnp.where(problem.free, scale * found.value, 0.0), ended, found.stats["num_steps"])
 
 
-@jax.jit  # the solver asks for it in several places: traced once, it is written out once
 def _value_and_jacobian(
     problem: Problem,
     start: Float[Array, " size"],

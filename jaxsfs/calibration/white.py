@@ -12,7 +12,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Shaped
 
@@ -30,7 +29,9 @@ _UNLIKE = (
 )
 _NOTES = {
     "given": "The response was given; the fall-off follows from it.",
-    "separated": "The photographs differ enough to tell the response from the fall-off.",
+    "separated": (
+        "Response and fall-off were told apart: the sheet's tilt or the photographs' distances or exposures show both."
+    ),
     "held": (
         "These photographs fix only how stored values fall with the angle, (3 + μ)/γ, not response and fall-off "
         "each: the response is held ({response}) and the fall-off is right for it alone. Add a photograph tilted by "
@@ -170,7 +171,7 @@ def _check(images, poses, gamma, exposures) -> None:
 
 def _measured_falloff(fit: WhiteFit, cells: Cells) -> tuple[list[float], list[float]]:
     """Median over bins of 5° of light/(gain·geometry), V(0) being the fitted model's 1; bins of 10 cells or more."""
-    light = np.asarray(parse_response(fit.response_text).decode(jnp.asarray(cells.stored))) @ cells.weights
+    light = parse_response(fit.response_text).decode(cells.stored) @ cells.weights
     value = light / (fit.gain * np.exp(cells.lifted(fit.gains)))
     alpha = np.degrees(np.arccos(np.clip(cells.cosine, -1, 1)))
     bins = [(low, (alpha >= low) & (alpha < low + 5)) for low in np.arange(0, 90, 5)]

@@ -1,6 +1,5 @@
 """The report of a calibration, in words, tables and pictures."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +8,7 @@ from jaxtyping import UInt8
 
 from jaxsfs.calibration import Calibration, observations
 from jaxsfs.report import _calibration_figures as figures
-from jaxsfs.report._page import code, heading, page, paragraph, table
+from jaxsfs.report._page import heading, page, paragraph, record, table
 from jaxsfs.report._panels import panel
 
 _POSE = ("tilt_deg", "height_mm", "height_sd_mm", "offset_x_mm", "offset_y_mm")
@@ -41,7 +40,7 @@ def calibration_page(
         parts += [heading("Straightness against f"), paragraph(_NAIVE_SCORES), figures.straightness(found)]
     parts += [heading("Rectified"), figures.rectified(found.fit, photographs[found.views[0].photograph])]
     kept = {k: v for k, v in figures_of.items() if k not in ("uncertainty", "photographs", "models", "straightness")}
-    parts += [heading("How it was made"), code(json.dumps({**made_by, **kept}, indent=2, default=str))]
+    parts += [heading("How it was made"), record({**made_by, **kept})]
     return page("Camera calibration", parts)
 
 

@@ -86,7 +86,7 @@ def residual_against_angle(found: Calibration, seen: Observations) -> str:
 
 
 def _from_axis(reach: float) -> Scale:
-    return Scale(0.0, reach, "angle from the axis / degrees")
+    return Scale(0.0, 1.02 * reach, "angle from the axis / degrees")
 
 
 def _binned(
@@ -112,9 +112,7 @@ def coverage_and_uncertainty(found: Calibration, seen: Observations) -> str:
     return grid(
         [
             map_panel("Coverage", _enlarged(counts.T), Scale(0.0, max(float(counts.max()), 1.0), "observations")),
-            map_panel(
-                "Uncertainty of where a direction is seen", _enlarged(spread), Scale(0.0, top, "1σ / px", "magma")
-            ),
+            map_panel("Where a direction is seen: 1σ", _enlarged(spread), Scale(0.0, top, "1σ / px", "magma")),
         ]
     )
 

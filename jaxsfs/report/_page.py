@@ -1,6 +1,7 @@
 """Building blocks of a self-contained HTML page."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -82,6 +83,11 @@ def heading(text: str) -> str:
 
 def paragraph(text: str, kind: str = "") -> str:
     return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
+
+
+def record(values: Mapping[str, Any]) -> str:
+    """A dictionary as JSON that people can read."""
+    return code(json.dumps(values, indent=2, default=str, ensure_ascii=False))
 
 
 def code(text: str) -> str:

@@ -1,17 +1,15 @@
 """The report of a white target: how light falls off with the angle, and what stands for it."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import UInt8
 
 from jaxsfs.calibration import WhiteCalibration
 from jaxsfs.photometry import parse_falloff
 from jaxsfs.report._chart import COLOURS, Curve, chart
-from jaxsfs.report._page import code, heading, page, paragraph, table
+from jaxsfs.report._page import heading, page, paragraph, record, table
 from jaxsfs.report._panels import grid, photograph_panel
 from jaxsfs.report._scale import Scale
 
@@ -30,7 +28,7 @@ def white_page(
     parts.append(table([tuple(row.values()) for row in found.models], header))
     shown = [photograph_panel(name, image) for image, name in zip(photographs, names, strict=True)]
     parts += [heading("Photographs"), grid(shown)]
-    parts += [heading("How it was made"), code(json.dumps({**made_by, **found.figures()}, indent=2, default=str))]
+    parts += [heading("How it was made"), record({**made_by, **found.figures()})]
     return page("White target", parts)
 
 
@@ -58,7 +56,7 @@ def _rows(found: WhiteCalibration) -> list[tuple[str, str]]:
 def _falloff(found: WhiteCalibration) -> str:
     reach = max([*found.alpha_deg, 10.0])
     angle = np.linspace(0, reach, 100)
-    law = np.asarray(parse_falloff(found.falloff)(jnp.cos(jnp.asarray(np.radians(angle)))))
+    law = parse_falloff(found.falloff)(np.cos(np.radians(angle)))
     measured = np.array(found.measured)
     return chart(
         "fall-off against the angle from the axis",
@@ -66,6 +64,6 @@ def _falloff(found: WhiteCalibration) -> str:
             Curve(angle, law, found.falloff, COLOURS[1]),
             Curve(np.array(found.alpha_deg), measured, "measured, bins of 5°", COLOURS[0], "marks"),
         ],
-        Scale(0.0, reach, "angle from the axis / degrees"),
+        Scale(0.0, 1.02 * reach, "angle from the axis / degrees"),
         Scale(0.0, 1.05 * max(float(law.max()), float(measured.max(initial=1.0))), "light relative to the axis"),
     )
