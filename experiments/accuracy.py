@@ -20,7 +20,7 @@ from data_synth import SCENES, default_camera, observe
 from jaxsfs import Irradiance, reconstruct
 
 SMOOTH = ("plane", "tilted-plane", "ball", "hollow-ball", "wavy-wall")
-METHODS = tuple((solver, order) for solver in ("sweeping", "level-set") for order in (1, 2))
+METHODS = (("sweeping", 1), ("sweeping", 2), ("sweeping", 3), ("level-set", 1), ("level-set", 2))
 
 
 def view_of(scene: str, size: int):

@@ -26,8 +26,14 @@ from tqdm import tqdm
 from jaxsfs import Irradiance, Reconstruction, reconstruct
 
 Solver = Literal["sweeping", "level-set"]
-Order = Literal[1, 2]
-METHODS: tuple[tuple[Solver, Order], ...] = (("sweeping", 1), ("sweeping", 2), ("level-set", 1), ("level-set", 2))
+Order = Literal[1, 2, 3]
+METHODS: tuple[tuple[Solver, Order], ...] = (
+    ("sweeping", 1),
+    ("sweeping", 2),
+    ("sweeping", 3),
+    ("level-set", 1),
+    ("level-set", 2),
+)
 
 
 def noisy(image: NearImage, share: float) -> Irradiance:

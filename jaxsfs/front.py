@@ -38,13 +38,14 @@ def front_over(
     known: Image,
     *,
     solver: Literal["sweeping", "level-set"],
-    order: Literal[1, 2],
+    order: Literal[1, 2, 3],
     steps: int | None,
 ) -> Front:
     """w on `inside`, nothing read across `contours`.
 
     Nothing reads a contour's own pixels, but they read both sides, and so have the nearer one's w. Parts of the picture
-    wholly behind contours are entered as `limits_behind` says. Raises ValueError for an unknown solver.
+    wholly behind contours are entered as `limits_behind` says. Raises ValueError for an unknown solver, or an order
+    that it does not have.
     """
     cut = inside & ~contours
     found = _run(shading, metric, cut, known, solver, order, steps)
@@ -72,6 +73,8 @@ def _with_contours(shading, metric, inside: Mask, known: Image, found: Front, or
 def _run(shading, metric, inside: Mask, known: Image, solver: str, order, steps: int | None) -> Front:
     """w by the chosen solver."""
     if solver == "level-set":
+        if order == 3:
+            raise ValueError("the level set has order 1 or 2; order 3 is for solver 'sweeping'")
         start, end = _time_span(shading, metric, inside, known)
         steps = steps or _steps(inside)
         offsets = offsets_for(metric, inside)

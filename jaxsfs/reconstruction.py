@@ -48,7 +48,7 @@ def reconstruct(
     reflectance: AbstractReflectance = Lambertian(),  # noqa: B008 (frozen)
     light: Literal["camera", "distant"] = "camera",
     solver: Literal["sweeping", "level-set"] = "sweeping",
-    order: Literal[1, 2] = 2,
+    order: Literal[1, 2, 3] = 2,
     initial: AbstractInitial | None = None,
     concave: bool = False,
     steps: int | None = None,
@@ -59,7 +59,8 @@ def reconstruct(
 
     Range and normals follow from brightness alone (the maximal viscosity solution; Prados & Faugeras 2005), up to
     the factor √albedo. `initial`: `Deadline()` if not given, one automatic `SingularPoint()` for a distant light.
-    `steps`: at most so many steps of the level set, or rounds of the sweeps.
+    `order`: of accuracy; 3, for the sweeps alone, corrects a solution of second order where it is smooth. `steps`: at
+    most so many steps of the level set, or rounds of the sweeps.
 
     `light="distant"` (Kimmel & Bruckstein 1995a) needs the orthographic camera: E = ρ cos θ, no deadlines, so z at
     singular points is data (`SummitHeights`) and the solution is the smallest that grows away from them. Whether the

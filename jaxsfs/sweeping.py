@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, Int8
 from jaxsfs.forms import Scalar
 from jaxsfs.native import preferred
 from jaxsfs.shading import AbstractShading, Balance
-from jaxsfs.updates import HUGE, ROUNDS, Frame, Updates
+from jaxsfs.updates import HUGE, ROUNDS, Frame, Updates, defect
 
 Image = Float[Array, "height width"]
 Mask = Bool[Array, "height width"]
@@ -51,7 +51,8 @@ def sweep(
     tolerance: float | None = None,
     updates: Updates | None = None,
 ) -> Sweeps:
-    """Solves for w on `inside`.
+    """Solves for w on `inside`, by differences of first or second `order`; order 3: of second, then with their defect
+    taken off (`jaxsfs.updates.defect`).
 
     `known`: w where it is given (Dirichlet), +inf elsewhere. Pixels outside `inside` are left out of every
     difference (state constraints). Stops when the mean relative change of v in a round is below `tolerance`: on a
@@ -71,23 +72,26 @@ def sweep(
     extent = (v.shape[0] + v.shape[1]) / jnp.sqrt(jnp.max(jnp.where(inside, frame.g11, 0)))
 
     # a quadratic equation does not change: it is computed and turned once
-    unchanging = _turned(balance_for(shading, v, order)) if order == 2 and shading.is_quadratic() else None
+    unchanging = _turned(balance_for(shading, v, order)) if order >= 2 and shading.is_quadratic() else None
 
     def balance_of(v, axis):
         return (unchanging or _turned(balance_for(shading, v, order)))[axis]
 
+    def change_of(new, v):
+        return jnp.mean(jnp.abs(new - v) / jnp.maximum(jnp.abs(new), extent), where=inside)
+
     def proceed(state):
         _, _, rounds, change, settled_at, limit = state
-        return (rounds < max_rounds) & ~((change < limit) & (rounds > settled_at) & (rounds >= order))
+        return (rounds < max_rounds) & ~((change < limit) & (rounds > settled_at) & (rounds >= min(order, 2)))
 
     def body(state):
         v, owner, rounds, _, settled_at, limit = state
         # one round of first order says where things come from; which pixel follows which may be mended while the
         # solution settles and once more: at a kink it would change for ever
-        second = (order == 2) & (rounds > 0)
+        second = (order >= 2) & (rounds > 0)
         frozen = second & (rounds > settled_at + 1)
         new, owner = one_round(v, owner, balance_of, frames, second, frozen)
-        change = jnp.mean(jnp.abs(new - v) / jnp.maximum(jnp.abs(new), extent), where=inside)
+        change = change_of(new, v)
         settled_at = jnp.where(change < _SETTLED, jnp.minimum(settled_at, rounds), settled_at)
         if tolerance is None:
             limit = jnp.where(second & (rounds == 1), jnp.clip(_SHARE * change, _CLOSEST, _ROUGHEST), limit)
@@ -96,7 +100,24 @@ def sweep(
     settled = jnp.int32(-1 if order == 1 else max_rounds)
     unknown, limit = (jnp.asarray(x, v.dtype) for x in (jnp.inf, tolerance or _CLOSEST))
     start = (v, jnp.full(v.shape, -1, jnp.int8), jnp.int32(0), unknown, settled, limit)
-    v, owner, rounds, change, _, _ = jax.lax.while_loop(proceed, body, start)
+    v, owner, rounds, change, _, limit = jax.lax.while_loop(proceed, body, start)
+    if order == 3:
+        excess = _turned(Balance(defect(v, frame, balance_of(v, 0)), 0.0, 0.0))
+
+        def less_of(v, axis):
+            balance = balance_of(v, axis)
+            return Balance(balance.constant - excess[axis].constant, balance.linear, balance.square)
+
+        def correct(state):
+            v, owner, rounds, _ = state
+            new, owner = one_round(v, owner, less_of, frames, jnp.asarray(True), jnp.asarray(True))
+            return new, owner, rounds + 1, change_of(new, v)
+
+        def incorrect(state, begin=rounds):
+            _, _, rounds, change = state
+            return (rounds < max_rounds) & ((rounds == begin) | (change >= limit))
+
+        v, owner, rounds, change = jax.lax.while_loop(incorrect, correct, (v, owner, rounds, change))
     reached = inside & (v < 0.5 * HUGE)
     return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change, owner)
 
@@ -108,7 +129,7 @@ def _turned(balance: Balance) -> tuple[Balance, Balance]:
 
 def balance_for(shading: AbstractShading, v: Image, order: int) -> Balance:
     """The equation in v that the sweeps solve, at `v` where it depends on it."""
-    if order == 2 and shading.is_quadratic():
+    if order >= 2 and shading.is_quadratic():
         return shading.quadratic_balance()
     return shading.balance(v, power_for(shading, order))
 

@@ -46,6 +46,23 @@ def test_observed_order_and_error(name, solver, order):
     assert fine < (2 * 2.2e-3 if order == 1 else 4 * 5e-4)
 
 
+@pytest.mark.parametrize("name", SURFACES)
+def test_defect_taken_off(name):
+    """Order 3: what is left of the error is of third order or better, and tens of times less, where all is smooth."""
+    coarse, fine = (mean_error(name, size, "sweeping", 3) for size in (65, 129))
+    plain = mean_error(name, 129, "sweeping", 2)
+    if name == "waves":  # has creases, where it stays as it is
+        assert fine < plain
+    else:
+        assert 2.75 < np.log2(coarse / fine) < 4.25
+        assert fine < 0.15 * plain
+
+
+def test_the_level_set_has_no_order_3():
+    with pytest.raises(ValueError, match="level set has order 1 or 2; order 3 is for solver 'sweeping'"):
+        solve("plane", 17, "level-set", 3)
+
+
 @pytest.mark.parametrize("solver", ["sweeping", "level-set"])
 def test_single_precision_is_enough(solver):
     single, double = (mean_error("tilted", 129, solver, 2, dtype=dtype) for dtype in (jnp.float32, jnp.float64))

@@ -72,7 +72,7 @@ def _hj_reachability(size, steps):
             def step(_, state):
                 return settings.time_integrator(settings, dynamics, grid, *state, -1e3)
 
-            return jax.lax.fori_loop(0, steps, step, (jnp.float32(0), values))[1]
+            return jax.lax.fori_loop(0, steps, step, (jnp.zeros((), float), values))[1]
 
         once = measure.Program(
             f"hj-reachability, {name}", lambda run=run: jax.block_until_ready(run(values)), parts=steps, note="float32"

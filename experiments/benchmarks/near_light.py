@@ -40,10 +40,10 @@ def rows(size: int, repetitions: int) -> list[dict]:
     def error(distance):
         return float(np.abs(np.asarray(distance, float) / truth - 1).mean())
 
-    @partial(jax.jit, static_argnames="updates")
-    def ours(values, metric, updates=None):
+    @partial(jax.jit, static_argnames=("updates", "order"))
+    def ours(values, metric, updates=None, order=2):
         shading = light_at_camera(values, inside, jnp.float32(1), Lambertian())
-        return shading.to_range(sweep(shading, metric, inside, known, order=2, updates=updates).w)
+        return shading.to_range(sweep(shading, metric, inside, known, order=order, updates=updates).w)
 
     paper = jax.jit(paper_scheme.propagate, static_argnames="steps")
     skfmm, missing = measure.peer("skfmm", "scikit-fmm")
@@ -54,6 +54,7 @@ def rows(size: int, repetitions: int) -> list[dict]:
             "jaxsfs, order 2", lambda: jax.block_until_ready(ours(values, metric)), error, note=measure.by()
         ),
         measure.Program("the same by XLA alone", lambda: jax.block_until_ready(ours(values, metric, "rows")), error),
+        measure.Program("jaxsfs, order 3", lambda: jax.block_until_ready(ours(values, metric, order=3)), error),
         *(
             measure.Missing(f"the paper's scheme in JAX, {steps} steps", TOO_LONG)
             if size > LARGEST

@@ -36,13 +36,15 @@ def rows(size: int, repetitions: int) -> list[dict]:
     inside = jnp.ones((size, size), bool)
     known = jnp.asarray(np.where(beyond <= 2.5 / camera.f, truth, np.inf), jnp.float32)
 
-    def ours(updates=None):
-        return jax.block_until_ready(sweep(shading, metric, inside, known, tolerance=1e-5, updates=updates)).w
+    def ours(updates=None, order=2):
+        found = sweep(shading, metric, inside, known, order=order, tolerance=1e-5, updates=updates)
+        return jax.block_until_ready(found).w
 
     skfmm, missing = measure.peer("skfmm", "scikit-fmm")
     programs = [
         measure.Program("jaxsfs, order 2", ours, error, note=measure.by()),
         measure.Program("the same by XLA alone", lambda: ours("rows"), error),
+        measure.Program("jaxsfs, order 3", lambda: ours(order=3), error),
         missing
         or measure.Program(
             "scikit-fmm, order 2", _resampled(skfmm, stereographic(camera, rays), speed), error, note="resampled"

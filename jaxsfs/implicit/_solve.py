@@ -39,7 +39,8 @@ def solve(
     """`sweep`, with derivatives of w by `shading`, `inverse_metric` and `known` in forward and reverse mode.
 
     They are those of the discrete equations that hold at the solution (implicit function theorem), with each pixel's
-    stencil as it is. Pixels outside `inside` and those no front reached have derivative 0.
+    stencil as it is; for order 3 those of the equations of second order, at its solution. Pixels outside `inside` and
+    those no front reached have derivative 0.
     """
     return Sweeps(*_solution(shading, inverse_metric, inside, known, _Settings(order, max_rounds, tolerance)))
 
@@ -56,7 +57,7 @@ def _solution_jvp(settings: _Settings, primals, tangents):
     shading, metric, inside, known = primals
     shading_dot, metric_dot, _, known_dot = tangents
     found = w, reached, rounds, change, owner = _solution(shading, metric, inside, known, settings)
-    order = settings.order
+    order = min(settings.order, 2)
     given = inside & jnp.isfinite(known)
     p = power_for(shading, order)
     # values that stand in where there is no equation: finite in every derivative

@@ -7,6 +7,7 @@ of second order, and whether owners stay as they are.
 
 from typing import Literal
 
+from jaxsfs.updates._defect import defect
 from jaxsfs.updates._diagonals import diagonals
 from jaxsfs.updates._jacobi import jacobi
 from jaxsfs.updates._numba import compiled_rows
@@ -16,4 +17,4 @@ from jaxsfs.updates._rows import rows
 Updates = Literal["rows", "numba", "diagonals", "jacobi"]
 ROUNDS = {"rows": rows, "numba": compiled_rows, "diagonals": diagonals, "jacobi": jacobi}
 
-__all__ = ["HUGE", "PAD", "ROUNDS", "Frame", "Updates"]
+__all__ = ["HUGE", "PAD", "ROUNDS", "Frame", "Updates", "defect"]
