@@ -187,3 +187,16 @@ def test_gradients_of_a_distant_light():
 
     q0 = jnp.array([0.01, 1.02])
     agree(jax.grad(mean)(q0), central_differences(mean, q0))
+
+
+def test_derivatives_of_order_3_are_nearly_those_of_its_solution():
+    camera = Spherical(27.0, 20.3, 15.8, WIDTH, HEIGHT)
+    values, mask = view("ball", camera)
+
+    def mean(strength):
+        image = Irradiance(values * (1 + strength * wave(mask)), mask)
+        return jnp.sum(weights(mask) * log_range(image, camera, order=3, tolerance=1e-13)[0])
+
+    value_and_gradient = jax.jit(jax.value_and_grad(mean))
+    (above, _), (below, _) = (value_and_gradient(strength) for strength in (1e-5, -1e-5))
+    assert float(value_and_gradient(0.0)[1]) == pytest.approx(float(above - below) / 2e-5, rel=3e-2)

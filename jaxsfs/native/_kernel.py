@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import no_type_check
+from typing import Any, no_type_check
 
 import jax
 import numba
@@ -24,7 +24,8 @@ FLAGS = {"nsz", "contract"}
 
 
 # Only what XLA calls is kept on disk and can be called from outside; all that it calls is compiled into it.
-compiled = numba.njit(fastmath=FLAGS, error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+compiled = numba.njit(fastmath=FLAGS, error_model="numpy", nogil=True, **_INNER)
 
 _FRAME_WORDS, _EXTENSION, ARGUMENTS, RESULTS = 22, 1, 9, 14
 _BUFFER_WORDS, _DATA, _RANK, _EXTENTS = 6, 3, 4, 5
@@ -194,7 +195,7 @@ def _kept(signature, function: Callable[..., int]):
         return numba.cfunc(signature)(function)
 
 
-def _capsule(address: int):
+def _capsule(address: int | None):
     make = ctypes.pythonapi.PyCapsule_New
     make.restype, make.argtypes = ctypes.py_object, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
     return make(address, None, None)
