@@ -29,7 +29,6 @@ compiled = numba.njit(fastmath=FLAGS, error_model="numpy", nogil=True, **_INNER)
 
 _FRAME_WORDS, _EXTENSION, ARGUMENTS, RESULTS = 22, 1, 9, 14
 _BUFFER_WORDS, _DATA, _RANK, _EXTENTS = 6, 3, 4, 5
-SQUARE = 16  # pixels that are turned together
 _METADATA = 1  # the extension by which XLA asks which interface a function speaks
 _VERSION = 6  # words of 32 bits in the metadata: major and minor version, traits
 
@@ -126,10 +125,12 @@ def copy(source, target):
 def turn(source, target):
     """target[j, i] = source[i, j], by squares that stay in the cache."""
     height, width = source.shape
-    for top in range(0, height, SQUARE):
-        for left in range(0, width, SQUARE):
-            square = source[top : top + SQUARE, left : left + SQUARE]
-            turned = target[left : left + SQUARE, top : top + SQUARE]
+    # a cache keeps no more than eight lines that are a power of two apart
+    side = max(8, 32 // source.itemsize)
+    for top in range(0, height, side):
+        for left in range(0, width, side):
+            square = source[top : top + side, left : left + side]
+            turned = target[left : left + side, top : top + side]
             for j in range(square.shape[1]):
                 column, row = square[:, j], turned[j]
                 for i in range(column.shape[0]):
