@@ -3,10 +3,10 @@
     python experiments/gradients.py --out out/gradients
 
 Accuracy: derivative of a weighted mean of ln r by each parameter against central differences (float64, 129²). Cost:
-processor time of `jax.grad` by a whole image and by the metric, and of `jax.jvp`, over that of the solution alone
-(float32, compiled, median of five); memory: what the compiled program holds besides its inputs, in images. Use:
-response exponent γ and fall-off μ of a scope from one image and eight known ranges, by Gauss–Newton with the exact
-Jacobian.
+time of `jax.grad` by a whole image and by the metric, and of `jax.jvp`, over that of the solution alone, of the
+processor and by the clock (float32, compiled, median of five); memory: what the compiled program holds besides its
+inputs, in images. Use: response exponent γ and fall-off μ of a scope from one image and eight known ranges, by
+Gauss–Newton with the exact Jacobian.
 """
 
 import argparse
@@ -62,15 +62,15 @@ def accuracy(text: str, size: int) -> list[dict[str, str]]:
     ]
 
 
-def processor_ms(function, *arguments) -> float:
-    """Median of five runs after the first."""
+def milliseconds(function, *arguments) -> np.ndarray:
+    """Of the processor and by the clock: medians of five runs after the first."""
     jax.block_until_ready(function(*arguments))
     times = []
     for _ in range(5):
-        start = time.process_time()
+        start = np.array([time.process_time(), time.perf_counter()])
         jax.block_until_ready(function(*arguments))
-        times.append(1e3 * (time.process_time() - start))
-    return float(np.median(times))
+        times.append(1e3 * (np.array([time.process_time(), time.perf_counter()]) - start))
+    return np.median(times, axis=0)
 
 
 def cost(text: str, size: int) -> dict[str, str]:
@@ -88,14 +88,14 @@ def cost(text: str, size: int) -> dict[str, str]:
         jax.jit(jax.grad(mean, argnums=(0, 1))).lower(values, f).compile(),
         jax.jit(lambda e, f: jax.jvp(mean, (e, f), (e, f))).lower(values, f).compile(),
     ]
-    forward, reverse, tangent = (processor_ms(program, values, f) for program in programs)
+    forward, reverse, tangent = (milliseconds(program, values, f) for program in programs)
     images = [program.memory_analysis().temp_size_in_bytes / values.nbytes for program in programs]
     return {
         "scene": text,
         "size": f"{size}²",
-        "solution": f"{forward:.0f} ms",
-        "grad / solution": f"{reverse / forward:.2f}",
-        "jvp / solution": f"{tangent / forward:.2f}",
+        "solution: CPU, clock": "{:.0f}, {:.0f} ms".format(*forward),
+        "grad / solution": "{:.2f}, {:.2f}".format(*(reverse / forward)),
+        "jvp / solution": "{:.2f}, {:.2f}".format(*(tangent / forward)),
         "images: solution": f"{images[0]:.0f}",
         "grad": f"{images[1]:.0f}",
         "jvp": f"{images[2]:.0f}",
