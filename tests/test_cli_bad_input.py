@@ -248,6 +248,7 @@ class TestOptions:
             (["--reflectance", "oren-nayar:0.9"], "--reflectance: Oren-Nayar roughness must lie in [0, 0.622]"),
             (["--channel", "grey"], "--channel: channel 'grey' is unknown"),
             (["--channel", "0,0,0"], "--channel: channel '0,0,0' needs three weights"),
+            (["--solver", "level-set", "--order", "3"], "the level set has order 1 or 2"),
             (["--initial", "front"], "--initial 'front' is unknown; write one of: deadline, singular-point"),
             (["--initial", "singular-point:3"], "--initial singular-point needs 2 numbers in the form U,V"),
             (["--initial", "singular-point:3,99"], "V from 0 to 31), got 3,99"),
@@ -262,7 +263,7 @@ class TestOptions:
         assert run("image.png", *words) == 2
         check_refused(work, capsys, part)
 
-    @pytest.mark.parametrize("words", [["--order", "3"], ["--solver", "magic"], ["--nonsense"]])
+    @pytest.mark.parametrize("words", [["--order", "4"], ["--solver", "magic"], ["--nonsense"]])
     def test_words_that_make_no_sense(self, work, capsys, words):
         assert run("image.png", *words) == 2
         said = capsys.readouterr()
