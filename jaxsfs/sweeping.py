@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, Int8
 from jaxsfs.forms import Scalar
 from jaxsfs.native import preferred
 from jaxsfs.shading import AbstractShading, Balance
-from jaxsfs.updates import HUGE, ROUNDS, Frame, Updates, defect
+from jaxsfs.updates import HUGE, ROUNDS, BalanceOf, Frame, Updates, defect
 
 Image = Float[Array, "height width"]
 Mask = Bool[Array, "height width"]
@@ -98,15 +98,11 @@ def sweep(
         return new, owner, rounds + 1, change, settled_at, limit
 
     settled = jnp.int32(-1 if order == 1 else max_rounds)
-    unknown, limit = (jnp.asarray(x, v.dtype) for x in (jnp.inf, tolerance or _CLOSEST))
+    unknown, limit = (jnp.asarray(x, v.dtype) for x in (jnp.inf, _CLOSEST if tolerance is None else tolerance))
     start = (v, jnp.full(v.shape, -1, jnp.int8), jnp.int32(0), unknown, settled, limit)
     v, owner, rounds, change, _, limit = jax.lax.while_loop(proceed, body, start)
     if order == 3:
-        excess = _turned(Balance(defect(v, frame, balance_of(v, 0)), 0.0, 0.0))
-
-        def less_of(v, axis):
-            balance = balance_of(v, axis)
-            return Balance(balance.constant - excess[axis].constant, balance.linear, balance.square)
+        less_of = _without_defect(balance_of, v, frame)
 
         def correct(state):
             v, owner, rounds, _ = state
@@ -120,6 +116,18 @@ def sweep(
         v, owner, rounds, change = jax.lax.while_loop(incorrect, correct, (v, owner, rounds, change))
     reached = inside & (v < 0.5 * HUGE)
     return Sweeps(shading.lower(jnp.where(reached, v, 1), p), reached, rounds, change, owner)
+
+
+def _without_defect(balance_of: BalanceOf, v: Image, frame: Frame) -> BalanceOf:
+    """`balance_of` with the defect of `v` taken off its right-hand side."""
+    excess = defect(v, frame, balance_of(v, 0))
+    both = excess, excess.T
+
+    def less_of(v, axis):
+        balance = balance_of(v, axis)
+        return Balance(balance.constant - both[axis], balance.linear, balance.square)
+
+    return less_of
 
 
 def _turned(balance: Balance) -> tuple[Balance, Balance]:

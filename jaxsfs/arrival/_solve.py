@@ -127,7 +127,8 @@ def _solve(
     if base is not None:
         v, slowness = jnp.where(given, jnp.ones_like(known), HUGE), slowness / base
     solver = _BY[updates or preferred()]
-    limit = (tolerance or _CLOSEST) if order == 1 else _SETTLED
+    closest = _CLOSEST if tolerance is None else tolerance
+    limit = closest if order == 1 else _SETTLED
     frames = Frame(slowness, factor), Frame(slowness, factor).transposed()
     v, rounds = _rounds(solver, v, None, frames, max_rounds, limit)
     if order == 2:

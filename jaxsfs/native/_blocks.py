@@ -17,6 +17,13 @@ def block_count(width):
 
 @compiled
 @no_type_check
+def _pixels(row, block):
+    """Those of a block."""
+    return row[block * BLOCK : min((block + 1) * BLOCK, row.shape[0])]
+
+
+@compiled
+@no_type_check
 def next_run(live, begin, width):
     """The next run of `live` blocks from block `begin` on: its first block, the block after it, its first pixel and the
     pixel after it. Both blocks are the same where none is left."""
@@ -40,10 +47,8 @@ def clear(blocks):
 @no_type_check
 def mark_owned(live, owners, bits):
     """Blocks in which a pixel has an owner among `bits`."""
-    width = owners.shape[0]
     for block in range(live.shape[0]):
-        some = owners[block * BLOCK : min((block + 1) * BLOCK, width)]
-        found = np.uint8(0)
+        some, found = _pixels(owners, block), np.uint8(0)
         for j in range(some.shape[0]):
             found |= some[j]
         live[block] = found & bits
@@ -53,10 +58,8 @@ def mark_owned(live, owners, bits):
 @no_type_check
 def mark_owned_by(live, owners, direction):
     """Blocks in which a pixel is owned by the sweep `direction`."""
-    width = owners.shape[0]
     for block in range(live.shape[0]):
-        some = owners[block * BLOCK : min((block + 1) * BLOCK, width)]
-        found = np.uint8(0)
+        some, found = _pixels(owners, block), np.uint8(0)
         for j in range(some.shape[0]):
             found |= np.uint8(some[j] == direction)
         live[block] = found
@@ -75,10 +78,8 @@ def mark_near(live, awake):
 @no_type_check
 def mark_changed(changed, awake, new, old):
     """Adds to both sets the blocks of a row in which `new` is not `old`."""
-    width = new.shape[0]
     for block in range(changed.shape[0]):
-        begin, end = block * BLOCK, min((block + 1) * BLOCK, width)
-        one, other, found = new[begin:end], old[begin:end], np.uint8(0)
+        one, other, found = _pixels(new, block), _pixels(old, block), np.uint8(0)
         for j in range(one.shape[0]):
             found |= np.uint8(one[j] != other[j])
         changed[block] |= found

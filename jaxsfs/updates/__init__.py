@@ -11,10 +11,10 @@ from jaxsfs.updates._defect import defect
 from jaxsfs.updates._diagonals import diagonals
 from jaxsfs.updates._jacobi import jacobi
 from jaxsfs.updates._numba import compiled_rows
-from jaxsfs.updates._pixel import HUGE, PAD, Frame
+from jaxsfs.updates._pixel import HUGE, PAD, BalanceOf, Frame
 from jaxsfs.updates._rows import rows
 
 Updates = Literal["rows", "numba", "diagonals", "jacobi"]
 ROUNDS = {"rows": rows, "numba": compiled_rows, "diagonals": diagonals, "jacobi": jacobi}
 
-__all__ = ["HUGE", "PAD", "ROUNDS", "Frame", "Updates", "defect"]
+__all__ = ["HUGE", "PAD", "ROUNDS", "BalanceOf", "Frame", "Updates", "defect"]
